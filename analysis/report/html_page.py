@@ -2,39 +2,54 @@
 
 import base64
 import hashlib
+import io
 import itertools
 import re
-from collections.abc import Iterator
+import warnings
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
+from functools import cache
+from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
+import matplotlib as mpl
 import numpy as np
 import pandas as pd
-from markupsafe import Markup
+from jinja2 import Environment, FunctionLoader, StrictUndefined
+from markupsafe import Markup, escape
+from matplotlib.colors import to_hex
+from matplotlib.figure import Figure
 
 from cooploc.analysis.claims.ledger import Ledger
 from cooploc.analysis.claims.trial_table import TrialTable
 from cooploc.analysis.execution.reproduce import PAGE, embed
 from cooploc.analysis.execution.run_directory import StoredRun
+from cooploc.analysis.formats import count_of
 from cooploc.analysis.metrics import ranking
 from cooploc.analysis.metrics.compare import outlier_warnings
 from cooploc.analysis.metrics.crlb import floors
+from cooploc.analysis.metrics.curves import sweep
 from cooploc.analysis.metrics.statistics import LEAST_TRIALS
-from cooploc.analysis.report import html_table, page_figures, page_texts, result_tables, sentences
+from cooploc.analysis.plot import results, style
+from cooploc.analysis.report import page_texts, result_tables, sentences
 from cooploc.analysis.report.claim_tables import claims_shown
-from cooploc.analysis.report.html_table import Wording
-from cooploc.analysis.report.page_figures import Shown
 from cooploc.analysis.report.run_numbers import (
     FLOORED,
+    Labels,
     Numbers,
+    first_middle_last,
     group_by_sweep,
     numbers_of,
     rank_scenario,
     rows_of_experiment,
+    trial_counts,
 )
-from cooploc.analysis.report.tables import Table, TableColumn, csv_text, text_column
+from cooploc.analysis.report.tables import Row, Table, TableColumn, csv_text, text_column
 
+FEW = 4  # scenarios that the first figure of a page draws side by side
+BELOW = "95 %", "remark"  # heads of columns that stand below their left neighbour
+SYMBOLS = dict(zip(style.MARKERS, "✖●■◆▲▼✚★⬟⬢◀▶♦⯃⬣✦✧✶⅄⋏✯✺≻", strict=False))  # of the figures' markers
 FORMS = {"tex": "latex", "md": "markdown", "csv": "csv"}  # ending of a file -> method of `Table`
 LONGEST_TITLE = 130  # characters of a study's description that is the page's title
 TRIALS = "trials"  # folder of a CSV file for each scenario
@@ -67,12 +82,12 @@ def write(kept: StoredRun, ledger: Ledger, out: Path) -> Path:
 
 def render(context: dict[str, Any]) -> str:
     """Return the page; everything that is not marked as safe is escaped."""
-    templates = html_table.environment()
-    script, style = (Markup(html_table.read_template(name)) for name in ("page.js", "page.css"))  # our own files
+    templates = environment()
+    script, css = (Markup(read_template(name)) for name in ("page.js", "page.css"))  # our own files
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     body = Markup(templates.get_template("body.html.j2").render(**context))  # its parts are escaped by their templates
     page = templates.get_template("page.html.j2")
-    return page.render(**context, style=style, body=body, script=script, script_hash=digest)
+    return page.render(**context, style=css, body=body, script=script, script_hash=digest)
 
 
 # ------------------------------------------------------------------------------------------------ content
@@ -82,7 +97,7 @@ def content(numbers: Numbers, ledger: Ledger) -> dict[str, Any]:
     """Return everything that the page shows but its files, and `tables`, all of its tables."""
     kept, table, manifest = numbers.kept, numbers.table, numbers.kept.manifest
     counter = itertools.count(1)
-    first = page_figures.first_figure(numbers, counter)
+    first = first_figure(numbers, counter)
     experiments = [experiment(name, plan, numbers, counter) for name, plan in kept.experiments.items()]
     found = sentences.standings(table, numbers.results)
     claims = claims_shown(kept, ledger)
@@ -91,7 +106,7 @@ def content(numbers: Numbers, ledger: Ledger) -> dict[str, Any]:
     tables = [result_tables.best(found), consistency, *([claims["overview"], claims["table"]] if claims else [])]
     tables += [one for each in experiments for one in (*each["tables"], each["standings"])]
     missing = [f"{s}, {e}: {n} of the planned trials are missing" for (s, e), n in kept.gaps.items()]
-    marks = html_table.markers(numbers.looks, set(kept.rows.loc[kept.rows["centralised"].eq(True), "estimator"]))
+    marks = markers(numbers.looks, set(kept.rows.loc[kept.rows["centralised"].eq(True), "estimator"]))
     ended = dict.fromkeys(table.loc[table["rmse"].notna(), "scenario"])
     names = kept.rows["estimator"].unique()
 
@@ -158,7 +173,7 @@ def experiment(name: str, plan: dict[str, list[str]], numbers: Numbers, counter:
     anchor = "experiment-" + (plain if plain == name else f"{plain}-{hashlib.sha256(name.encode()).hexdigest()[:6]}")
     only = len(part) == len(table)
     texts = [] if only else [sentences.lowest_errors(found, part), sentences.over_confident_estimators(part)]
-    shown: list[Shown] = []
+    shown: list[dict[str, Any]] = []
     changed: list[Table] = []
     for (_, parameter), group in group_by_sweep(list(plan)).items():
         rows = part[part["scenario"].isin(group)]
@@ -166,14 +181,14 @@ def experiment(name: str, plan: dict[str, list[str]], numbers: Numbers, counter:
             changes = sentences.changes_over_sweep(group, dict.fromkeys(rows["estimator"]), results)
             texts.append(sentences.sweep_sentence(group, changes, results.stopping))
             changed.append(result_tables.sweep_table(f"{anchor}-sweep{len(changed) + 1}", changes, parameter))
-            shown.append(page_figures.lines(rows, numbers, counter))
-        elif not (only and page_figures.is_few(part)):  # else it is the first figure of the page
-            shown.append(page_figures.dots(rows, numbers, counter))
-    shown.append(page_figures.scatter(part, numbers, counter))
+            shown.append(lines(rows, numbers, counter))
+        elif not (only and part["scenario"].nunique() <= FEW):  # else it is the first figure of the page
+            shown.append(dots(rows, numbers, counter))
+    shown.append(scatter(part, numbers, counter))
     test = "confidence sequences of the change" if numbers.kept.looks else "t test of the change"
     few = f" Below {LEAST_TRIALS} trials there are no intervals." * bool(part["trials"].min() < LEAST_TRIALS)
     about = (
-        f"{name}: {page_figures.trial_counts(part)}, seed {numbers.kept.manifest['seed']}; {test} against "
+        f"{name}: {trial_counts(part)}, seed {numbers.kept.manifest['seed']}; {test} against "
         f"the baseline, Holm over the {int(table['p'].notna().sum())} comparisons of this report.{few}"
     )
     ranks = {str(label): rank_scenario(rows, results) for label, rows in part.groupby("scenario", sort=False)}
@@ -219,3 +234,182 @@ def compact(trials: dict[str, pd.DataFrame]) -> list[dict[str, Any]]:
         }
         for scenario, one in trials.items()
     ]
+
+
+# ------------------------------------------------------------------------------------------------ figures
+
+
+def first_figure(numbers: Numbers, counter: Iterator[int]) -> dict[str, Any]:
+    """Draw every RMSE of a few scenarios, or of many those relative to the baseline's."""
+    ended = numbers.table[numbers.table["rmse"].notna()]
+    if ended["scenario"].nunique() <= FEW:
+        return dots(ended, numbers, counter)
+    baselines = ", ".join(map(numbers.names.of, dict.fromkeys(ended["baseline"])))
+    number, most = ended["estimator"].nunique(), results.MOST
+    some = f" Shown are the {most} of {number} that ran in the most scenarios." * (number > most)
+    caption = (
+        f"Position RMSE of every estimator divided by that of the baseline ({baselines}): a mark for each scenario, a "
+        f"bar at their median; left of the dotted line the error is smaller. Hollow: over-confident; grey: "
+        f"centralised.{some}"
+    )
+    drawn = results.overview(numbers.table, numbers.looks, numbers.names.of)
+    return _show([(drawn, "", [])], caption, counter, "whole")
+
+
+def lines(rows: pd.DataFrame, numbers: Numbers, counter: Iterator[int]) -> dict[str, Any]:
+    """Draw RMSE over the value that the scenarios sweep."""
+    groups = results.groups(rows, numbers.looks)
+    figures = results.sweep_panels(rows, numbers.looks, numbers.names.of)
+    family, parameter, _ = sweep(rows["scenario"].iloc[0])
+    one = "each panel one estimator and its variants, all others in grey" if len(figures) > 1 else "with intervals"
+    caption = (
+        f"Position RMSE over {parameter} in {family}, {one}; bands are 95 % intervals over trials. Hollow markers: "
+        "over-confident; a broken line: so at most of the values; grey and dotted: centralised; black and dotted: the "
+        f"floor. {trial_counts(rows)}."
+    )
+    drawn = [(figure, "", names) for figure, names in zip(figures, groups, strict=True)]
+    return _show(drawn, caption, counter, "wide" if len(figures) == 1 else "")
+
+
+def dots(rows: pd.DataFrame, numbers: Numbers, counter: Iterator[int]) -> dict[str, Any]:
+    """Draw RMSE of every estimator, scenario by scenario."""
+    drawn: list[tuple[Figure, str, list[str]]] = [
+        (results.ranking([part], numbers.looks, numbers.names.of), str(scenario), [])
+        for scenario, part in rows.groupby("scenario", sort=False)
+        if part["rmse"].notna().any()
+    ]
+    caption = (
+        "Position RMSE, smallest on top, with 95 % intervals over trials. Hollow: over-confident; grey: centralised; "
+        f"dotted: the floor. {trial_counts(rows)}."
+    )
+    return _show(drawn, caption, counter, "wide")
+
+
+def scatter(rows: pd.DataFrame, numbers: Numbers, counter: Iterator[int]) -> dict[str, Any]:
+    """Draw accuracy against consistency and cost, in the first, the middle and the last scenario."""
+    ended = rows[rows["rmse"].notna()]
+    labels = list(dict.fromkeys(ended["scenario"]))
+    chosen = first_middle_last(labels)
+    there = ended[ended["scenario"].isin(chosen)]
+    drawn: list[tuple[Figure, str, list[str]]] = [
+        (results.scatter(part, [other], numbers.looks, numbers.names.of), str(label), [])
+        for label, part in there.groupby("scenario", sort=False)
+        for other in results.NAMES
+    ]
+    some = f" Shown are {len(chosen)} of {len(labels)} scenarios, the first, the middle and the last."
+    caption = (
+        "Accuracy against consistency (grey band: neither over-confident nor conservative), bytes and time, with 95 % "
+        "intervals over trials, cut off where they reach beyond the values. Broken line: the Pareto front, "
+        "estimators than which no other is at least as good in both and better in one; centralised ones are never on "
+        f"it, over-confident estimators (hollow) may be.{some * (len(chosen) < len(labels))} {trial_counts(there)}."
+    )
+    return _show(drawn, caption, counter, "middle", "Accuracy against consistency, bytes and time")
+
+
+def _show(
+    drawn: Iterable[tuple[Figure, str, list[str]]], caption: str, counter: Iterator[int], width: str, head: str = ""
+) -> dict[str, Any]:
+    """Return a figure of panels, which have what a page filters them by; one with a `head` can be folded away."""
+    panels = []
+    for figure, scenario, estimators in drawn:
+        label = f"{caption.partition(';')[0].partition('. ')[0]}{': ' * bool(scenario)}{scenario}"
+        svg = inline_svg(figure, next(counter), label)
+        panels.append({"svg": svg, "scenario": scenario, "estimators": estimators})
+    anchor = f"figure-{next(counter)}"
+    return {"anchor": anchor, "panels": panels, "caption": caption, "width": width, "head": head}
+
+
+def inline_svg(figure: Figure, number: int, label: str) -> Markup:
+    """Return a figure as SVG to be put into a page: own ids, no links, a label.
+
+    It is without ids that nothing uses and empty groups, and with coordinates to a tenth of a point: half as long.
+    """
+    out = io.StringIO()
+    with mpl.rc_context(style.PAGE.rc), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Glyph .* missing")  # the reader's fonts draw the text
+        figure.savefig(out, format="svg", metadata={"Date": None})
+    svg = out.getvalue()
+    svg = re.sub(r"<(metadata|style).*?</\1>", "", svg[svg.index("<svg") :], flags=re.DOTALL)  # the page has the style
+    svg = re.sub(r' xmlns(:\w+)?="[^"]*"', "", svg).replace("xlink:href=", "href=")
+    used = set(re.findall(r'(?:url\(#|href="#)([^")]+)', svg))
+    svg = re.sub(r' id="([^"]*)"', lambda found: found[0] if found[1] in used else "", svg)
+    svg = style.round_numbers(svg, r"<[a-z][^<>]*>", 1).replace("font-family: 'DejaVu Sans', sans-serif; ", "")
+    svg = re.sub(r' transform="rotate\(-0 [^"]*\)"', "", svg)
+    svg = re.sub(r">\s+<", "><", re.sub(r"\s*\n\s*", " ", svg))
+    svg = re.sub(r"<g\b[^<>]*></g>", "", re.sub(r"<g\b[^<>]*/>", "", svg))
+    svg = re.sub(r'(\bid="|url\(#|href="#)', rf"\g<1>f{number}-", svg)
+    return Markup(svg.replace("<svg", f'<svg role="img" aria-label="{escape(label)}"', 1))
+
+
+# ------------------------------------------------------------------------------------------------ tables
+
+
+class Wording(NamedTuple):
+    """Names of estimators on a page, and where links lead."""
+
+    names: Labels = Labels({}, {})
+    marks: Mapping[str, Markup] = {}  # estimator -> its marker
+    anchors: Mapping[str, str] = {}  # estimator -> where it is introduced
+    trials: Mapping[str, str] = {}  # scenario -> the address of its trials
+
+    def cell(self, column: TableColumn, row: Row) -> Markup:
+        """Return the text of a cell: an estimator with its marker and a link, an RMSE with a link to its trials."""
+        key, text = column.keys[0], column.text(row)
+        if key == "estimator" and text in self.anchors:
+            link = Markup('{}<a href="#{}" title="{}">{}</a>')
+            return link.format(self.marks.get(text, ""), self.anchors[text], text, self.names.of(text))
+        if key == "rmse" and text and (address := self.trials.get(row["scenario"])):
+            return Markup('<a class="trials" href="{}" title="every trial">{}</a>').format(address, text)
+        return Markup("{}").format(text)
+
+
+def markers(looks: Mapping[str, style.Look], centralised: set[str]) -> dict[str, Markup]:
+    """Return the marker of each estimator, as in the figures; grey where it is centralised."""
+    mark = Markup('<span class="mark" aria-hidden="true" style="color: {}">{}</span>')
+    colours = {
+        name: to_hex(style.colour_of({"centralised": name in centralised}, look)) for name, look in looks.items()
+    }
+    return {name: mark.format(colours[name], SYMBOLS.get(look.marker, "●")) for name, look in looks.items()}
+
+
+def html(table: Table, wording: Wording | None = None, group: str = "") -> Markup:
+    """Return a `<table>` whose cells carry their values as `data-sort`; everything is escaped.
+
+    Columns that are empty in every row are left out. Neighbouring rows with the same value of the key `group` form a
+    group with a head of its own.
+    """
+    cells: list[dict[str, Any]] = []  # a column with those that stand below it
+    for column in table.columns:
+        if column.keys[0] == group or not any(map(column.text, table.rows)):
+            continue
+        if cells and column.head in BELOW:
+            cells[-1]["below"].append(column)
+        else:
+            cells.append({"column": column, "below": []})
+    grouped = itertools.groupby(table.rows, lambda row: row[group]) if group else [("", table.rows)]
+    groups = [(key, list(rows)) for key, rows in grouped]
+    template = environment().get_template("table.html.j2")
+    return Markup(template.render(table=table, wording=wording or Wording(), group=group, cells=cells, groups=groups))
+
+
+def sort_value(value: Any) -> str | None:
+    """Return what a number is sorted by, nothing where it is absent; None for text."""
+    if isinstance(value, str) or value is None:
+        return None
+    return "" if value != value else f"{float(value):.6g}"
+
+
+@cache
+def environment() -> Environment:
+    """Return the templates of a page; everything in them that is not marked as safe is escaped."""
+    templates = Environment(
+        loader=FunctionLoader(read_template), autoescape=True, undefined=StrictUndefined, trim_blocks=True
+    )
+    templates.globals.update(html=html, count_of=count_of, sort_value=sort_value)
+    templates.policies["json.dumps_kwargs"] = {"sort_keys": True, "separators": (",", ":")}
+    return templates
+
+
+def read_template(name: str) -> str:
+    """Return a file of the page."""
+    return (files(__package__) / "page" / name).read_text(encoding="utf-8")

@@ -12,9 +12,8 @@ from cooploc.analysis.formats import count_of
 from cooploc.analysis.metrics.compare import FAR
 from cooploc.analysis.metrics.consistency import OVER_CONFIDENT
 from cooploc.analysis.metrics.errors import SENSES
-from cooploc.analysis.report.page_figures import trial_counts
 from cooploc.analysis.report.result_columns import STOPPED
-from cooploc.analysis.report.run_numbers import FLOORED, Numbers
+from cooploc.analysis.report.run_numbers import FLOORED, Numbers, trial_counts
 from cooploc.estimators import configure, make
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.listing import standing

@@ -19,7 +19,6 @@ from cooploc.analysis.metrics.curves import sweep
 from cooploc.analysis.plot import results as figures
 from cooploc.analysis.plot import style
 from cooploc.analysis.report import result_tables, sentences
-from cooploc.analysis.report.page_figures import trial_counts
 from cooploc.analysis.report.run_numbers import (
     FLOORED,
     Labels,
@@ -29,6 +28,7 @@ from cooploc.analysis.report.run_numbers import (
     numbers_of,
     rank_scenario,
     rows_of_experiment,
+    trial_counts,
 )
 from cooploc.analysis.report.tables import Row, Table, escape_latex
 from cooploc.estimators import BUILTIN

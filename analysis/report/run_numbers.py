@@ -4,10 +4,12 @@ import string
 from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
+import numpy as np
 import pandas as pd
 
 from cooploc.analysis.claims.trial_table import TrialTable, collect
 from cooploc.analysis.execution.run_directory import StoredRun
+from cooploc.analysis.formats import count_of
 from cooploc.analysis.metrics.compare import compare
 from cooploc.analysis.metrics.curves import sweep
 from cooploc.analysis.metrics.ranking import is_refused, rank_groups
@@ -115,3 +117,11 @@ def group_by_sweep(labels: list[str]) -> dict[tuple[str, str], list[str]]:
 def first_middle_last(labels: list[str]) -> list[str]:
     """Return the first, the middle and the last of many labels, or all of at most three."""
     return labels if len(labels) <= 3 else [labels[0], labels[len(labels) // 2], labels[-1]]
+
+
+def trial_counts(part: pd.DataFrame) -> str:
+    """Return how many trials a scenario has."""
+    counts = np.unique(part["trials"])
+    if not len(counts):
+        return "No trials"
+    return f"{count_of(counts[0], 'trial') if len(counts) == 1 else f'{counts[0]} to {counts[-1]} trials'} a scenario"

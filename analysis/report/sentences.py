@@ -235,18 +235,18 @@ def sweep_sentence(scenarios: list[str], found: list[SweepChange], stopping: Sto
     high = sweep(ordered[-1])[2]
     parts = []
     for words, holds in DIRECTIONS.items():
-        some = [one for one in found if holds(one.share)]
+        if not (some := [one for one in found if holds(one.share)]):
+            continue
         names = [one.estimator for one in some]
         listed = join_words(names) if len(names) <= 2 * FEW else f"{len(names)} estimators"
-        if some and words.startswith("it") and len(some) <= FEW:
+        if words.startswith("it") and len(some) <= FEW:
             ends = [interval(change)(one.share.low, one.share.high) for one in some]
-            listed = join_words(
-                f"{one.estimator} ({change(one.share.value)}, {both})" for one, both in zip(some, ends, strict=True)
-            )
-        elif some and words.startswith("it"):
+            sizes = [change(one.share.value) for one in some]
+            listed = join_words(f"{n} ({size}, {both})" for n, size, both in zip(names, sizes, ends, strict=True))
+        elif words.startswith("it"):
             least, *_, most = sorted(abs(one.share.value) for one in some)
             listed += f" (by {interval(percent)(least, most)})"
-        parts += [f"{words} for {listed}"] if some else []
+        parts.append(f"{words} for {listed}")
     about = f"{family}: RMSE from {parameter} = {low:g} to {high:g} ({judged}, unadjusted)"
     return f"{about}: {'; '.join(parts)}." if parts else ""
 

@@ -13,7 +13,7 @@ from cooploc import scenarios
 from cooploc.analysis.claims.trial_table import collect
 from cooploc.analysis.metrics.compare import compare
 from cooploc.analysis.plot import style
-from cooploc.analysis.report import html_page, html_table, page_texts
+from cooploc.analysis.report import html_page, page_texts
 from cooploc.analysis.report.html_page import LONGEST_TITLE, heading
 from cooploc.analysis.report.result_tables import failures, meanings, parameter_text, scenario_tables
 from cooploc.analysis.report.run_numbers import numbers_of
@@ -27,7 +27,7 @@ def rows():
 
 
 def test_markers_differ_where_those_of_the_figures_do():
-    assert len(set(html_table.markers(style.looks(BUILTIN), set()).values())) == len(BUILTIN) > 20
+    assert len(set(html_page.markers(style.looks(BUILTIN), set()).values())) == len(BUILTIN) > 20
 
 
 def test_parameters_that_scenarios_share_are_said_once_and_others_beside_each(rows):
@@ -110,7 +110,7 @@ def luminance(colour):
 
 
 def test_text_of_the_page_has_enough_contrast_by_day_and_by_night():
-    css = html_table.read_template("page.css")
+    css = html_page.read_template("page.css")
     for block in re.findall(r":root \{(.*?)\}", css, re.DOTALL):
         named = dict(re.findall(r"--(\w+): (#[0-9a-f]+)", block))
         for ink in ("ink", "soft", "link"):
