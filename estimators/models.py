@@ -4,7 +4,7 @@ Sensors and motions read the width d of a state x (2: a robot with a compass, 3:
 leading axes, and are immutable. Angles live in (-pi, pi] and are never averaged or subtracted raw.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import lru_cache
 from typing import Any, Literal
@@ -14,7 +14,7 @@ import numpy as np
 from cooploc.estimators.compiled import strict_kernel
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import TOO_NEAR_TO_RANGE as TOO_NEAR_TO_RANGE
-from cooploc.estimators.interface import Array, Senses, Sensor, World
+from cooploc.estimators.interface import Array, Belief, Motion, Senses, Sensor, World
 
 
 def wrap(angle: Array) -> Array:
@@ -140,19 +140,21 @@ class Bearing:
 
     def expect(self, x: Array, q: Array) -> Array:
         """Return the direction (..., 1) in (-pi, pi] [rad]."""
-        delta, _ = _offset(x, q)
-        heading = x[..., 2:3] if x.shape[-1] > 2 else 0.0
-        return wrap(np.arctan2(-delta[..., 1:], -delta[..., :1]) - heading)
+        return wrap(self._direction(x, _offset(x, q)[0]))
 
     def innovation(self, x: Array, q: Array, z: Array) -> tuple[Array, Array, Array]:
         delta, d = _offset(x, q)
-        heading = x[..., 2:3] if x.shape[-1] > 2 else 0.0
-        y = wrap(z - (np.arctan2(-delta[..., 1:], -delta[..., :1]) - heading))
+        y = wrap(z - self._direction(x, delta))
         g = np.stack([-delta[..., 1], delta[..., 0]], -1) / np.maximum(d, NEAR) ** 2
         H = _widen(g[..., None, :], x)
         if x.shape[-1] > 2:
             H[..., 0, 2] = -1.0
         return y, H, -g[..., None, :]
+
+    @staticmethod
+    def _direction(x: Array, delta: Array) -> Array:
+        away: Array = np.arctan2(-delta[..., 1:], -delta[..., :1])
+        return away - (x[..., 2:3] if x.shape[-1] > 2 else 0.0)
 
 
 @dataclass(frozen=True)
@@ -171,11 +173,8 @@ class Sighting:
         return np.concatenate([Range().expect(x, q), Bearing().expect(x, q)], -1)
 
     def innovation(self, x: Array, q: Array, z: Array) -> tuple[Array, Array, Array]:
-        parts = (
-            Range(self.sigma_range).innovation(x, q, z[..., :1]),
-            Bearing(self.sigma_bearing).innovation(x, q, z[..., 1:]),
-        )
-        (y0, H0, Hq0), (y1, H1, Hq1) = parts
+        y0, H0, Hq0 = Range().innovation(x, q, z[..., :1])
+        y1, H1, Hq1 = Bearing().innovation(x, q, z[..., 1:])
         return np.concatenate([y0, y1], -1), np.concatenate([H0, H1], -2), np.concatenate([Hq0, Hq1], -2)
 
 
@@ -227,10 +226,8 @@ class Displacement:
 
     def move(self, x: Array, u: Array, dt: Array) -> tuple[Array, Array, Array]:
         """x' = x + u,  F = I,  Q = sigma^2 dt/tick I on the position."""
-        d = x.shape[-1]
-        moved = _add_position(x, _replace_absent(u))
-        on_position = np.diag(np.arange(d) < 2).astype(float)
-        Q = self._variance(dt)[..., None, None] * on_position
+        d, moved = x.shape[-1], _add_position(x, _replace_absent(u))
+        Q = self._variance(dt)[..., None, None] * np.diag(np.arange(d) < 2).astype(float)
         shape = (*moved.shape, d)
         return moved, np.broadcast_to(np.eye(d), shape), np.broadcast_to(Q, shape)
 
@@ -331,11 +328,10 @@ def _rotate(v: Array, angle: Array) -> Array:
     return np.stack([c * v[..., 0] - s * v[..., 1], s * v[..., 0] + c * v[..., 1]], -1)
 
 
-# Direction of arrival from the gradient of four corner readings: the gradient of the signal strength over the arena, by
-# central differences between the corner nodes, points along the direction of the robot. Its noise is Gaussian in the
-# gradient, not in the angle: near the centre the angle says nothing (RMS error 79 deg within 0.5 m, 7 deg beyond 3 m).
-# Hence several densities: the paper's Gaussian of constant sigma, whose error can be read in three ways, the exact
-# projected normal, and that of the gradient.
+# Direction of arrival: the gradient of the signal strength over the arena, by central differences between four corner
+# nodes, points towards the robot. Its noise is Gaussian in the gradient, not in the angle: near the centre the angle
+# says nothing (RMS error 79 deg within 0.5 m, 7 deg beyond 3 m). Hence several densities: the paper's Gaussian of
+# constant sigma, whose error can be read in three ways, the exact projected normal, and that of the gradient.
 #
 # Sources: Latif & Parasuraman, eqs. (1)-(4); R. Parasuraman et al., "Spatial sampling strategy for a 3D sound source
 # localization sensor network using RSSI", 2013 (the central differences); K. V. Mardia, "Statistics of Directional
@@ -378,8 +374,7 @@ class GradientDoa:
 
     def measure(self, S: Array) -> Array:
         """DOA = arctan2(g_y, g_x) (...) [rad]  (3), where the paper writes arctan and so loses the half plane."""
-        g = self.gradient(S)
-        return np.asarray(np.arctan2(g[..., 1], g[..., 0]))
+        return _angle_of(self.gradient(S))
 
     def expect(self, x: Array) -> Array:
         """The gradient (..., 2) that the path-loss model gives at x (..., d): removes the gradient's own bias."""
@@ -391,8 +386,7 @@ class GradientDoa:
 
     def bearing(self, x: Array) -> Array:
         """Return ADOA (...) [rad], the direction of the expected gradient."""
-        g = self.expect(x)
-        return np.asarray(np.arctan2(g[..., 1], g[..., 0]))
+        return _angle_of(self.expect(x))
 
     def slope(self, x: Array) -> Array:
         """d expect / d position (..., 2 of position, 2 of gradient) [dB/m^2]."""
@@ -416,22 +410,18 @@ class GradientDoa:
 
         One DOA is perceived, that of eq. (3): ADOA is the same angle at the candidate, and every node repeats both.
         """
-        err = len(self.anchors) * (self.bearing(x) - angle)
-        density: Array = -0.5 * (err / self.sigma) ** 2
-        return density
+        return -0.5 * (len(self.anchors) * (self.bearing(x) - angle) / self.sigma) ** 2
 
     def log_corners(self, x: Array, angle: Array) -> Array:
         """`log_sum` with ADOA_j the direction of x seen from node j, in (-pi, pi]; smallest far outside the arena."""
         away = x[..., :2] - self._two_block_row(x)
-        err = np.arctan2(away[..., 1], away[..., 0]).sum(0) - len(self.anchors) * angle
-        density: Array = -0.5 * (err / self.sigma) ** 2
-        return density
+        err = _angle_of(away).sum(0) - len(self.anchors) * angle
+        return np.asarray(-0.5 * (err / self.sigma) ** 2)
 
     def log_gradient(self, x: Array, g: Array) -> Array:
         """log N(g - g(x); 0, sigma^2 diag(1/a^2, 1/b^2)) up to a constant, for a measured gradient g (..., 2)."""
         whitened = (g - self.expect(x)) * np.array(self.sides) / self.rssi.sigma
-        density: Array = -0.5 * (whitened**2).sum(-1)
-        return density
+        return np.asarray(-0.5 * (whitened**2).sum(-1))
 
     def log_exact(self, x: Array, angle: Array) -> Array:
         """log of the projected normal density of the angle, for a gradient g ~ N(g(x), sigma^2 diag(1/a^2, 1/b^2))."""
@@ -442,6 +432,10 @@ class GradientDoa:
         t = (u * mu).sum(-1) / np.sqrt(A)
         density: Array = np.log(a * b / self.rssi.sigma**2 / (2 * np.pi * A)) - 0.5 * (mu**2).sum(-1) + _log_tail(t)
         return density
+
+
+def _angle_of(vector: Array) -> Array:
+    return np.asarray(np.arctan2(vector[..., 1], vector[..., 0]))
 
 
 def gradient_doa(world: World) -> GradientDoa:
@@ -576,17 +570,173 @@ LEAST, MOST = 0.01, 100.0  # of an inflation
 def inflate(world: World, factor: float) -> World:
     """Return the world with every sensor's standard deviations multiplied by `factor`; at 1 it is the same object.
 
-    What is told to the team stays as it is: this is one estimator's choice. A sensor that is not built in is inflated
-    where it is a dataclass with fields whose names begin with "sigma".
+    A sensor that is not built in is inflated where it is a dataclass with fields whose names begin with "sigma".
     """
     if factor == 1:
         return world
-    sensors: Mapping[str, Sensor] = {name: _inflate_sensor(one, factor) for name, one in world.sensors.items()}
+    sensors: dict[str, Any] = dict(world.sensors)
+    for name, sensor in sensors.items():
+        if is_dataclass(sensor) and not isinstance(sensor, type):
+            sigmas = [one.name for one in fields(sensor) if one.init and one.name.startswith("sigma")]
+            sensors[name] = replace(sensor, **{sigma: factor * getattr(sensor, sigma) for sigma in sigmas})
     return replace(world, sensors=sensors)
 
 
-def _inflate_sensor(sensor: Any, factor: float) -> Any:
-    if not is_dataclass(sensor) or isinstance(sensor, type):
-        return sensor
-    sigmas = [one.name for one in fields(sensor) if one.init and one.name.startswith("sigma")]
-    return replace(sensor, **{name: factor * getattr(sensor, name) for name in sigmas})
+# The models as pure functions for tracing libraries: `xp` is jax.numpy, or another with numpy's names. Nothing is
+# written in place, and no branch looks at a value. H = jax.jacfwd(lambda x: expect(jnp, sensor, x, place))(x)
+
+Traced = Any  # an array of the library
+
+
+def move(xp: Any, motion: Motion, x: Traced, u: Traced, dt: Traced) -> Traced:
+    """Return x' (..., d) of states (..., d) by odometry (..., k) over dt (...); where it is absent, no move."""
+    u = xp.where(xp.isnan(u), 0.0, u)
+    if isinstance(motion, Displacement):
+        return xp.concatenate([x[..., :2] + u, x[..., 2:]], -1)
+    if isinstance(motion, Unicycle):
+        arc, turn = u[..., 0] * dt, u[..., 1] * dt
+        a = x[..., 2] + turn / 2
+        north = x[..., 1] + arc * xp.sin(a)
+        return xp.stack([x[..., 0] + arc * xp.cos(a), north, _wrap_traced(xp, x[..., 2] + turn)], -1)
+    raise TypeError(f"{type(motion).__name__} has no traceable form; known are Displacement and Unicycle")
+
+
+def expect(xp: Any, sensor: Sensor, x: Traced, q: Traced) -> Traced:
+    """Return the mean reading (..., k) of places q (..., 2) at states (..., d)."""
+    east, north = q[..., 0] - x[..., 0], q[..., 1] - x[..., 1]
+    d2, away = east**2 + north**2, xp.arctan2(north, east)
+    distance = xp.sqrt(d2)[..., None]
+    direction = _wrap_traced(xp, away - x[..., 2] if x.shape[-1] > 2 else away)[..., None]
+    if isinstance(sensor, LogDistance):
+        return (sensor.A - 5 * sensor.eta * xp.log10(xp.clip(d2, min=NEAR**2)))[..., None]
+    if isinstance(sensor, Range):
+        return distance
+    if isinstance(sensor, Bearing):
+        return direction
+    if isinstance(sensor, Sighting):
+        return xp.concatenate([distance, direction], -1)
+    name = type(sensor).__name__
+    raise TypeError(f"{name} has no traceable form; known are LogDistance, Range, Bearing and Sighting")
+
+
+def innovation(xp: Any, sensor: Sensor, x: Traced, q: Traced, z: Traced) -> Traced:
+    """Return z - h(x, q) (..., k), with the angle wrapped; nan where a reading is absent or a range is refused."""
+    y = z - expect(xp, sensor, x, q)
+    if isinstance(sensor, Bearing):
+        return _wrap_traced(xp, y)
+    if isinstance(sensor, Range | Sighting):
+        short = z[..., :1] < TOO_NEAR_TO_RANGE
+        return xp.concatenate([xp.where(short, xp.nan, y[..., :1]), _wrap_traced(xp, y[..., 1:])], -1)
+    return y
+
+
+def _wrap_traced(xp: Any, angle: Traced) -> Traced:
+    """Return the same angle in [-pi, pi)."""
+    return xp.remainder(angle + np.pi, 2 * np.pi) - np.pi
+
+
+@dataclass(frozen=True)
+class Layout:
+    """A state wider than a pose (velocities, biases, a clock): which of its numbers are position and heading.
+
+    It shows the world's models the pose, and spreads their Jacobians over the state. `move` leaves the rest as it is.
+
+        layout = Layout(width=5, heading=2)              # x, y, heading, and two biases
+        world, belief = layout.world(world), layout.prior(prior, [0.1**2, 0.1**2])
+        y, H, _ = world.sensors["landmark"].innovation(belief.x, q, z)   # H (2, 5)
+        return layout.estimate(x, P)                     # what a run wants: the numbers that the prior has
+    """
+
+    width: int
+    heading: int | None = None  # None: a compass frame, as where priors have 2 numbers
+
+    def __post_init__(self) -> None:
+        least = 2 if self.heading is None else 3
+        if self.width < least or (self.heading is not None and not 2 <= self.heading < self.width):
+            raise ValueError(
+                f"Layout({self.width}, heading={self.heading}): a state has its position in 0 and 1, and its heading, "
+                "where it has one, in one of the others"
+            )
+
+    @property
+    def pose(self) -> list[int]:
+        """The numbers that the world's models read."""
+        return [0, 1] if self.heading is None else [0, 1, self.heading]
+
+    def world(self, world: World) -> World:
+        """Return the world with models that read such states."""
+        sensors = {name: WideSensor(self, sensor) for name, sensor in world.sensors.items()}
+        return replace(world, motion=WideMotion(self, world.motion), sensors=sensors)
+
+    def prior(self, prior: Belief, variances: Sequence[float] | Array) -> Belief:
+        """Return a prior (..., 2 or 3) widened by what is not pose: 0, with these variances, uncorrelated."""
+        beside = [i for i in range(self.width) if i not in self.pose]
+        x = np.zeros((*prior.x.shape[:-1], self.width))
+        P = np.zeros((*x.shape, self.width))
+        x[..., self.pose] = prior.x
+        P[..., np.array(self.pose)[:, None], self.pose] = prior.P
+        P[..., beside, beside] = variances
+        return Belief(x, P)
+
+    def estimate(self, x: Array, P: Array) -> Belief:
+        """Return position, and heading where there is one, with their covariance."""
+        return Belief(x[..., self.pose], P[..., np.array(self.pose)[:, None], self.pose])
+
+    def widen(self, H: Array) -> Array:
+        """Return slopes of the pose (..., k, 2 or 3) as slopes of the state (..., k, width)."""
+        wide = np.zeros((*H.shape[:-1], self.width))
+        wide[..., self.pose] = H
+        return wide
+
+
+@dataclass(frozen=True)
+class WideSensor:
+    """A sensor for a wider state, of which it reads the pose."""
+
+    layout: Layout
+    sensor: Sensor
+
+    @property
+    def R(self) -> Array:
+        return self.sensor.R
+
+    def expect(self, x: Array, q: Array) -> Array:
+        """Return the mean reading (..., k)."""
+        mean: Array = self.sensor.expect(x[..., self.layout.pose], q)  # type: ignore[attr-defined]
+        return mean
+
+    def innovation(self, x: Array, q: Array, z: Array) -> tuple[Array, Array, Array]:
+        y, H, Hq = self.sensor.innovation(x[..., self.layout.pose], q, z)
+        return y, self.layout.widen(H), Hq
+
+
+@dataclass(frozen=True)
+class WideMotion:
+    """A motion for a wider state, of which it moves the pose and leaves the rest."""
+
+    layout: Layout
+    motion: Motion
+
+    def move(self, x: Array, u: Array, dt: Array) -> tuple[Array, Array, Array]:
+        """Return x', F (..., width, width), the identity beside the pose, and Q, zero beside it."""
+        pose, rows = self.layout.pose, np.array(self.layout.pose)[:, None]
+        moved, F, Q = self.motion.move(x[..., pose], u, dt)
+        x, wide = x.copy(), (*x.shape, x.shape[-1])
+        F_wide, Q_wide = np.broadcast_to(np.eye(x.shape[-1]), wide).copy(), np.zeros(wide)
+        x[..., pose], F_wide[..., rows, pose], Q_wide[..., rows, pose] = moved, F, Q
+        return x, F_wide, Q_wide
+
+    def input_noise(self, x: Array, u: Array, dt: Array) -> tuple[Array, Array]:
+        G, W = self.motion.input_noise(x[..., self.layout.pose], u, dt)
+        return self.layout.widen(G.mT).mT, W
+
+    def sample(self, x: Array, u: Array, dt: Array, noise: Array) -> Array:
+        x = x.copy()
+        x[..., self.layout.pose] = self.motion.sample(x[..., self.layout.pose], u, dt, noise)
+        return x
+
+    def retrace(self, trail: Array, u: Array, dt: Array) -> Array:
+        return self.motion.retrace(trail, u, dt)
+
+    def place(self, x: Array, trail: Array) -> Array:
+        return self.motion.place(x[..., self.layout.pose], trail)

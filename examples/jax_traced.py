@@ -1,6 +1,6 @@
 """The filter of `batched_numpy.py` in JAX: one robot's tick is a pure function, `vmap` makes it one of all rows.
 
-The readings' models are those of the world, traced: `models.traceable` has them as pure functions, and JAX takes the
+The readings' models are those of the world, as pure functions in `cooploc.estimators.models`, and JAX takes the
 slopes. XLA compiles a program for every number of rows, which takes a second, and does not promise that two of them
 round alike, as `non-interference` wants it. So rows are padded to blocks of one size: one program computes every block,
 and nothing here sums over rows.
@@ -17,7 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from cooploc import Belief
-from cooploc.estimators.model_functions import innovation
+from cooploc.estimators.models import innovation
 
 jax.config.update("jax_enable_x64", True)
 WEIGHTS = (0.5, 0.75, 0.9)

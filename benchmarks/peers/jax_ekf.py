@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import cooploc as cl
-from cooploc.estimators.model_functions import innovation
+from cooploc.estimators.models import innovation
 
 jax.config.update("jax_enable_x64", True)
 
