@@ -1,19 +1,14 @@
 """Verdicts on a ledger's claims, computed from the rows of a run and never written by hand.
 
-A claim comes down to one number with its 95 % interval over trials, and each verdict to a zone of numbers (`kinds`). A
-verdict holds where its zone holds the whole interval, so that taken alone it is false in at most one of twenty
-repetitions (measured in `reports/statistics.md`):
+A verdict holds where its zone of numbers (`kinds`) holds the whole 95 % interval of the claim's number: alone it is
+false in at most one of twenty repetitions (measured in `reports/statistics.md`): *supported* in direction and size;
+*direction only*; *flat*, a growth within the claim's margin; *contradicted*, the other direction or no difference at
+all; else *undecided*, or *not testable*, or *not run*.
 
-- *supported*: the claim's direction, and its size up to its margin; *direction only*: less than the size;
-- *flat*: of a claimed growth, a change over the whole sweep that is smaller than the claim's margin;
-- *contradicted*: the other direction, or no difference at all;
-- *undecided*: the interval reaches into several zones, or there is none; *not testable*, *not run*.
-
-No estimator gains by failing. Where one of a case failed in a trial (an error that is not finite is a failure, too) or
-failed a check, the case is undecided, with a p of 1, unless it is contradicted in favour of one that did not fail. A
-verdict *stands* where `p_holm`, adjusted over all judged cases in all variants, is at most 0.05 still: the chance that
-any standing verdict is false is 5 % at most (Holm 1979). In a run that stops when its questions are decided, verdicts
-come from confidence sequences, and claims about computing time never make it go on.
+No estimator gains by failing: where one of a case failed in a trial or a check, the case is undecided, with a p of 1,
+unless it is contradicted in favour of one that did not fail. A verdict *stands* where `p_holm`, adjusted over all
+cases in all variants, is at most 0.05 still: the chance that any standing verdict is false is 5 % at most (Holm 1979).
+Claims about computing time never make a run go on.
 """
 
 import re
@@ -80,15 +75,10 @@ def judge(ledger: Ledger, rows: pd.DataFrame, stopping: Stopping = FIXED) -> pd.
 
 def adjust(found: pd.DataFrame) -> pd.DataFrame:
     """Add p adjusted over all cases, each counted once in however many variants, and whether their verdicts stand."""
-    p = found["p"].where(first_of_case(found)).to_numpy(float)
+    p = found["p"].mask(found.duplicated(CASE)).to_numpy(float)
     known = found.assign(p_holm=statistics.holm(p)).groupby(CASE, sort=False, dropna=False)["p_holm"]
     p_holm = known.transform("first")
     return found.assign(p_holm=p_holm, stands=found["verdict"].isin(DECIDED) & (p_holm <= 1 - statistics.LEVEL))
-
-
-def first_of_case(found: pd.DataFrame) -> "pd.Series[bool]":
-    """Return False for a case that stands above already, in another variant that leaves it as it is."""
-    return ~found.duplicated(CASE)
 
 
 def overview(verdicts: pd.DataFrame) -> pd.DataFrame:
@@ -126,11 +116,11 @@ def _about(claim: Claim) -> dict[str, Any]:
 def judge_case(case: Case, claim: Claim, table: TrialTable) -> dict[str, Any]:
     """Return the row of a case of a claim."""
     size, judge_kind = kinds.size_as_change(claim.size, case.definition), KINDS[claim.kind].judge
+    assert judge_kind is not None
     asked = {"of": case.of, "than": ", ".join(case.than), "definition": case.definition, "size": size, **_about(claim)}
     try:
         scenarios = tuple(dict.fromkeys(s for label in case.scenarios for s in table.matching(label)))
         case = case._replace(scenarios=scenarios)
-        assert judge_kind is not None
         found = judge_kind(case, claim, table)
     except Missing as e:
         return {**asked, "scenario": ", ".join(case.scenarios), "verdict": "not run", "remark": str(e)}
@@ -235,11 +225,13 @@ def open_cells(ledger: Ledger, rows: pd.DataFrame, found: pd.DataFrame) -> set[t
     going = still & found.index.isin(lasting(ledger, found).index)
     judged = [one for claim in ledger.claims for _, one in variants(claim, ledger)]
     asked = [case for one in judged for case in (cases(one) if KINDS[one.kind].judge else [None])]  # as rows of `judge`
-    out = set()
-    for case in (case for case, is_open in zip(asked, going, strict=True) if is_open and case):
-        scenarios = [s for label in case.scenarios for s in table.matching(label)]
-        out |= {names[canonical(s), canonical(e)] for s, e in product(scenarios, (case.of, *case.than))}
-    return out
+    return {
+        names[canonical(s), canonical(e)]
+        for case, is_open in zip(asked, going, strict=True)
+        if is_open and case
+        for label in case.scenarios
+        for s, e in product(table.matching(label), (case.of, *case.than))
+    }
 
 
 # ---- the verdicts as a family of tests
@@ -265,11 +257,8 @@ class VerdictCounts(NamedTuple):
 
 
 def count_verdicts(verdicts: pd.DataFrame) -> VerdictCounts:
-    """Count how many verdicts of `judge` are decided, stand after correction over all, and are expected to be false.
-
-    A case that several variants share counts once.
-    """
-    verdicts = verdicts[first_of_case(verdicts)]
+    """Count the verdicts of `judge`, each case once in however many variants."""
+    verdicts = verdicts.drop_duplicates(CASE)
     p = verdicts["p"].to_numpy(float)
     decided, judged = int(verdicts["verdict"].isin(DECIDED).sum()), int((~np.isnan(p)).sum())
     at_most = min((1 - statistics.LEVEL) * judged, float(decided))

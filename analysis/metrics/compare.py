@@ -57,11 +57,7 @@ def _share(cell: CellRows, column: str) -> Interval:
 
 
 def mark_outliers(mse: Array) -> Array:
-    """Return 1.0 for a trial whose RMSE exceeds `FAR` times that of the median trial, else 0.0; from squared errors.
-
-    No interval of the RMSE holds where one trial of a hundred diverges twentyfold and is missed (measured in
-    `reports/statistics.md`), so the share of such trials is printed with its own, beside the median.
-    """
+    """Return 1.0 for a trial whose RMSE exceeds `FAR` times that of the median trial, else 0.0; from squared errors."""
     return (mse > FAR**2 * np.median(mse)).astype(float) if len(mse) else np.zeros(0)
 
 
@@ -199,7 +195,6 @@ def compare(
         p: p against equal RMSE, not adjusted; 1 where the one that looks better failed in a trial
         effect: matched-pairs rank-biserial correlation in [-1, 1]: in how many trials errors are smaller (negative)
         p_equal: p of the equivalence test on the RMSE; small where the two tie within `margin`; 1 where one failed
-        trials_for_margin: trials at which `change` would be known to plus or minus `margin`
         p_equal_holm: p_equal, adjusted by Holm
 
     Args:
@@ -232,9 +227,8 @@ def compare(
     for standing in ("centralised", "bound", "offline"):
         table[standing] = groups[standing].any().to_numpy()
     table[SENSES] = groups[SENSES].first().fillna("").to_numpy()
-    failed = {(row["scenario"], row["estimator"]): row["failed"] > 0 for row in table.to_dict("records")}
-    rows = [_against(cells, failed, (scenario, name), against[scenario], margin) for scenario, name in failed]
-    pairs = pd.DataFrame(rows)
+    failed = dict(zip(zip(table["scenario"], table["estimator"], strict=True), table["failed"] > 0, strict=True))
+    pairs = pd.DataFrame([_against(cells, failed, cell, against[cell[0]], margin) for cell in failed])
     for test in ("p", "p_equal"):
         pairs[f"{test}_holm"] = statistics.holm(pairs[test].to_numpy())
     last = ["stream", "certificate"]
@@ -280,7 +274,6 @@ def _against(
         "p": 1.0 if p == p and lost[int(change.value < 0)] else p,
         "effect": statistics.rank_biserial(np.sqrt(a), np.sqrt(b)) if tested else np.nan,
         "p_equal": 1.0 if p_equal == p_equal and any(lost) else p_equal,
-        "trials_for_margin": sequential.trials_for_width(change, n, margin) if other else np.nan,
     }
 
 

@@ -6,9 +6,9 @@ over the whole team, J its information; a reading between two robots adds to bot
 diagonal. The expectation is over the paths that a trial's prior and odometry allow, by Monte Carlo. Bounds of trials
 are averaged: averaging their information would forget that each trial's prior mean is known.
 
-The bound for the anchors' gradient, or for its angle, holds where the estimator sees nothing else of the anchors; a
-Kalman filter that weighs each direction by its gradient's strength sees the gradient. Shadowing is the same in both
-directions of a pair of robots, but counted as independent: the floor of `radio_rssi` is loose, but valid.
+The bound for the anchors' gradient, or for its angle, holds where the estimator sees nothing else of the anchors.
+Shadowing is the same in both directions of a pair of robots, but counted as independent: the floor of `radio_rssi` is
+loose, but valid.
 
 Sources: P. Tichavsky, C. Muravchik, A. Nehorai, "Posterior Cramer-Rao bounds for discrete-time nonlinear filtering",
 IEEE Trans. Signal Processing 46(5), 1998, eq. (21), conditioned on the prior mean as in H. Van Trees, K. Bell, Z. Tian,

@@ -6,17 +6,15 @@ looks, in at most 5 % of runs. Of n differences d:
     t = mean(d) / (s / sqrt(n)),   R = t^2 / (n - 1 + t^2)
     e(n) = sqrt(c^2 / (n + c^2)) (1 - R n / (n + c^2))^(-n/2)
 
-e is the likelihood ratio of "mean(d) / sigma is drawn from N(0, 1 / c^2)" to "mean(d) = 0", any sigma. Where the mean
-is 0 it ever reaches 1 / alpha with probability alpha at most (Ville 1939). The values theta for which the differences
-d - theta do not reach it are the sequence: mean(d) -+ b(n) s / sqrt(n); there is none below seven trials. It is exact
-for normal differences. As the logarithm of a mean is far from normal where a few trials decide it, sequences are as
-wide as over the effective number of trials, (sum v)^2 / sum v^2 (Kish 1965), times 1.5: the largest factor of 1, 1.5, 2
-and 3 that keeps false decisions below 5 % in all worlds of `reports/statistics.md`.
+e is the likelihood ratio of "mean(d) / sigma is drawn from N(0, 1 / c^2)" to "mean(d) = 0", which reaches 1 / alpha
+with probability alpha at most (Ville 1939). The theta for which d - theta does not reach it are the sequence, exact for
+normal differences. Where a few trials decide a mean its logarithm is not normal: sequences are as wide as over 1.5
+times the effective number of trials (sum v)^2 / sum v^2 (Kish 1965), by the worlds of `reports/statistics.md`.
 
 Sources: T. L. Lai, "On confidence sequences", Annals of Statistics 4, 1976; H. Wang, A. Ramdas, "Anytime-valid t-tests
-and confidence sequences for Gaussian means with unknown variance", Sequential Analysis 44, 2025 (Gaussian mixture;
-derived here again from the right Haar prior on sigma); I. Waudby-Smith et al., "Time-uniform central limit theory and
-asymptotic confidence sequences", Annals of Statistics 52, 2024.
+and confidence sequences for Gaussian means with unknown variance", Sequential Analysis 44, 2025 (Gaussian mixture);
+I. Waudby-Smith et al., "Time-uniform central limit theory and asymptotic confidence sequences", Annals of Statistics
+52, 2024.
 """
 
 from collections.abc import Callable, Mapping
@@ -173,11 +171,10 @@ def looks(most: int) -> list[int]:
 
 
 class Decision(NamedTuple):
-    """An estimator against its scenario's baseline, at its last look.
+    """An estimator against its scenario's baseline, by the sequence of its change of RMSE at its last look.
 
-    By the confidence sequence of the relative change of RMSE it is better or worse where that excludes 0, else a tie
-    where it lies within the margin; failed where one that this favours failed in a trial. Looks count trials by their
-    number, never by when they finished.
+    Better or worse where that excludes 0, else a tie where it lies within the margin; failed where one that this
+    favours failed in a trial.
     """
 
     scenario: str
@@ -238,16 +235,11 @@ def add_decisions(table: pd.DataFrame, found: pd.DataFrame) -> pd.DataFrame:
     return table.assign(verdict=verdict, look=look, p=p, p_holm=holm(p), p_equal=np.nan, p_equal_holm=np.nan)
 
 
-# ---- how many trials a comparison needs: for an interval of a width, or to exclude a value
+# ---- how many trials a comparison needs to exclude a value
 
 PILOT = 10  # trials from which a study is planned
 ROUNDS = 8  # of n = f(b(n))
 POWER = float(stats.norm.ppf(0.8))  # a planned number of trials succeeds in 4 of 5 repetitions
-
-
-def trials_for_width(interval: Interval, n: int, half: float) -> float:
-    """Return the trials of an interval `half` wide to either side: n = (z s / h)^2 + (z^2 + 1) / 2; nan without one."""
-    return _trials((Z * _deviation(interval, n) / half) ** 2 + (Z * Z + 1) / 2)
 
 
 def trials_to_exclude(interval: Interval, n: int, distance: float) -> float:

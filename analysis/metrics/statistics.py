@@ -40,8 +40,7 @@ def quantile(n: float) -> float:
 def trials_without_skew(values: Array) -> float:
     """Return the trials without skew whose t interval is as good as that of positive `values` (k,): k, or fewer.
 
-    Degrees of freedom of an estimated variance, 2 / (excess kurtosis / k + 2 / (k - 1)) (Satterthwaite 1946), here with
-    the excess 6 CV^2 of gamma values, as few trials do not tell their own: about (k - 1) / (1 + 3 CV^2).
+    1 + (k - 1) / (1 + 3 CV^2): Satterthwaite's degrees of freedom (1946), with gamma's excess kurtosis 6 CV^2.
     """
     k = len(values)
     if k <= LEAST_TRIALS or not values.any():
@@ -65,10 +64,7 @@ def mean(d: Array, reach: Quantile = quantile) -> Interval:
 
 
 def mean_of_positive(values: Array, reach: Quantile | None = None) -> Interval:
-    """Return the mean of positive, skewed values, such as squared errors: jackknife on the logarithm of the mean.
-
-    The t quantile is that over `trials_without_skew`.
-    """
+    """Return the mean of positive, skewed values: jackknife on its logarithm, t quantile over `trials_without_skew`."""
     values = np.asarray(values)
     mean = float(np.mean(values)) if len(values) else np.nan
     log = log_contrast(values[:, None], np.ones(1), reach or (lambda _: quantile(trials_without_skew(values))))
@@ -95,8 +91,7 @@ def log_contrast(values: Array, weights: Array, reach: Quantile = quantile) -> I
 def log_change(a: Array, b: Array) -> Interval:
     """Return log(RMSE of b / RMSE of a), of squared errors `a`, `b` (k,) over paired trials: jackknife, t quantile.
 
-    The quantile is that over `paired_trials_without_skew`: Fieller's interval, which counts all trials alike, calls an
-    erratic estimator better than a steady one in up to a fifth of comparisons of equals.
+    That over `paired_trials_without_skew`: Fieller's interval calls an erratic one better in up to a fifth of ties.
     """
     return log_contrast(np.stack([a, b], 1), HALVES, lambda _: quantile(paired_trials_without_skew(a, b)))
 

@@ -6,9 +6,8 @@ from scipy import stats
 from statsmodels.stats.multitest import multipletests
 from statsmodels.stats.power import TTestPower
 
-from cooploc.analysis.metrics.sequential import FIXED, trials_for_width, trials_to_exclude
+from cooploc.analysis.metrics.sequential import FIXED, trials_to_exclude
 from cooploc.analysis.metrics.statistics import (
-    Interval,
     change,
     change_bca,
     decisive_trial,
@@ -172,15 +171,6 @@ def test_nothing_is_claimed_below_five_trials():
     found = [mean_of_positive(few), mean(few), change(few, few * 2), change_bca(few, few * 2), share(few / 2)]
     assert np.isnan([*(one.low for one in found), equivalence(few, few, 0.05)]).all()
     assert np.isnan(log_contrast(np.stack([few, few], 1), np.array([1.0, -1.0])).low)
-
-
-def test_trials_needed_for_a_width_are_the_fewest_that_reach_it():
-    rng = np.random.default_rng(13)
-    d = rng.normal(0.3, 1.0, 40)
-    needed = trials_for_width(mean(d), 40, half=0.2)
-    reached = [stats.t.ppf(0.975, n - 1) * d.std(ddof=1) / np.sqrt(n) <= 0.2 for n in (needed - 2, needed + 1)]
-    assert reached == [False, True]
-    assert np.isnan(trials_for_width(Interval(0.3, np.nan, np.nan), 40, half=0.2))
 
 
 def test_trials_to_exclude_are_those_of_the_power_of_the_t_test():
