@@ -12,7 +12,7 @@ from cooploc.analysis.formats import count_of
 from cooploc.analysis.metrics.compare import FAR
 from cooploc.analysis.metrics.consistency import OVER_CONFIDENT
 from cooploc.analysis.metrics.errors import SENSES
-from cooploc.analysis.report.result_columns import STOPPED
+from cooploc.analysis.report.result_tables import STOPPED
 from cooploc.analysis.report.run_numbers import FLOORED, Numbers, trial_counts
 from cooploc.estimators import configure, make
 from cooploc.estimators.errors import BadInput

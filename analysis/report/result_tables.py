@@ -1,7 +1,12 @@
-"""A run's tables: results, who is best and over-confident, changes over a sweep, scenarios, events, failures."""
+"""A run's tables: results, who is best and over-confident, changes over a sweep, scenarios, events, failures.
+
+To add a column of results to the terminal, the page, LaTeX, Markdown, CSV and a paper's tables, add one entry to
+`RESULTS`: its head, the key of `compare`'s table that it shows (two keys for an interval), and how it is written.
+"""
 
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from functools import cache
 from importlib.resources import files
 from itertools import groupby
@@ -10,16 +15,162 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from cooploc.analysis.formats import change, count, interval, metres, ratio
+from cooploc.analysis.formats import change, count, decimals, interval, metres, microseconds, p_value, percent, ratio
 from cooploc.analysis.metrics.consistency import COLLAPSED
 from cooploc.analysis.metrics.errors import NOTE
-from cooploc.analysis.metrics.ranking import disqualifications
+from cooploc.analysis.metrics.ranking import disqualifications, is_refused, short_certificate
 from cooploc.analysis.metrics.statistics import Interval
-from cooploc.analysis.report.result_columns import ANEES, RMSE, result_columns, share
 from cooploc.analysis.report.sentences import Standing, SweepChange, summary_sentence
-from cooploc.analysis.report.tables import Row, Table, number_column, text_column
+from cooploc.analysis.report.tables import Row, Table, TableColumn, number_column, text_column
 from cooploc.estimators import nearest
 from cooploc.estimators.errors import BadInput
+from cooploc.estimators.listing import declares_bytes, standing
+
+CONSISTENCY = {flag: flag for flag in ("over-confident", "over-wide", "conservative")}
+CONSISTENCY["not shown"] = "consistency not shown"
+REMARKS = {  # what the words of a remark mean
+    "over-wide": "ANEES below 0.1",
+    "consistency not shown": "the interval of ANEES holds 0.67 or 1.5: more trials decide",
+    "centralised": "every reading reaches one computer",
+    "bound": "uses all readings; no estimator is better in a simulated world",
+    "as published": "configured as in its paper; at its best: as the audit found it best",
+}
+STOPPED = (
+    "decided: by the confidence sequence of the change (better or worse where it excludes 0, tie within 5 %), at that "
+    "number of trials; it holds however the run stops, and p is its 1 / e. Sizes and their intervals are those of a "
+    "fixed number of trials: where a row stopped, they are a little too far from 0."
+)
+
+
+def remark(
+    estimator: str, certificate: str, flag: str, central: bool, bound: bool, offline: bool, failed: int, rmse: float
+) -> str:
+    """Return what a reader of a result must know."""
+    remarks = [standing(estimator), "not ranked" * is_refused(certificate), CONSISTENCY.get(flag, "")]
+    remarks += ["offline, not ranked"] if offline else ["bound"] if bound else ["centralised"] * central
+    remarks += ["bytes as declared"] * (not central and declares_bytes(estimator))
+    lost = "every trial failed" if np.isnan(rmse) else f"{failed} failed, numbers of the other trials"
+    return ", ".join(filter(None, [*remarks, lost * int(failed > 0)]))
+
+
+def decision(verdict: str, look: int, trials: int) -> str:
+    """Return what a run until decided found of a row, and when."""
+    if not verdict:
+        return ""
+    stopped = verdict != "open" and trials <= look
+    return f"{verdict}{', stopped' * stopped} at n = {look}"
+
+
+def share(digits: int) -> Callable[[float], str]:
+    """Return a format of a share, with so many digits."""
+    return lambda value: percent(value, digits)
+
+
+def _write_change(estimator: str, baseline: str, value: float, trial: float) -> str:
+    """Write the change against the baseline; not that of the baseline itself, and not one that one trial decides."""
+    return "" if estimator == baseline else change(value) if np.isnan(trial) else "not comparable:"
+
+
+def _write_change_ends(estimator: str, baseline: str, low: float, high: float, trial: float) -> str:
+    if estimator == baseline:
+        return ""
+    return interval(change)(low, high) if np.isnan(trial) else f"trial {trial:.0f} decides"
+
+
+def _ends(name: str, form: Callable[[float], str], **layout: Any) -> TableColumn:
+    """Return the column of an interval, of the keys NAME_low and NAME_high."""
+    return number_column("95 %", f"{name}_low", f"{name}_high", form=interval(form), **layout)
+
+
+RMSE = number_column("RMSE [m]", "rmse", form=metres), _ends("rmse", metres, second_line=True)
+ANEES = (
+    number_column(
+        "ANEES", "anees", form=ratio, about="1 is consistent, more is over-confident; median: of the trials' ANEES"
+    ),
+    _ends("anees", ratio),
+)
+VERSUS = ("estimator", "baseline")
+RESULTS = (
+    text_column("scenario", report_only=True),
+    text_column("estimator"),
+    text_column(
+        "remark",
+        *("consistency", "centralised", "bound", "offline", "failed", "baseline", "stream"),
+        of=("estimator", "certificate", "consistency", "centralised", "bound", "offline", "failed", "rmse"),
+        form=remark,
+        second_line=True,
+    ),
+    text_column("senses", second_line=True),
+    text_column("checks", "certificate", form=short_certificate),
+    *RMSE,
+    number_column("median", "rmse_median", form=metres, collapsed=True, report_only=True),
+    number_column("outlying", form=share(0), collapsed=True, rare=True, about="trials above 5 times the median RMSE"),
+    _ends("outlying", share(0), report_only=True),
+    number_column("rank", form=lambda rank: decimals(rank, 1), report_only=True),
+    text_column("group", report_only=True),
+    number_column(
+        "vs baseline",
+        "change",
+        of=(*VERSUS, "change", "decisive_trial"),
+        form=_write_change,
+        about="change of RMSE on the same streams, with its interval; not comparable where one trial decides it",
+    ),
+    number_column(
+        "95 %",
+        *("change_low", "change_high"),
+        of=(*VERSUS, "change_low", "change_high", "decisive_trial"),
+        form=_write_change_ends,
+        second_line=True,
+    ),
+    number_column(
+        "p (Holm)",
+        "p_holm",
+        form=p_value,
+        priority=2,
+        about="the test that the interval inverts, adjusted by Holm over the whole study",
+    ),
+    ANEES[0],
+    replace(ANEES[1], report_only=True),
+    number_column("median", "anees_median", form=ratio, second_line=True, collapsed=True),
+    number_column(
+        "collapsed", form=share(0), priority=7, collapsed=True, rare=True, about="trials whose ANEES exceeds 100"
+    ),
+    _ends("collapsed", share(0), report_only=True),
+    number_column("in 95 %", "coverage95", form=share(0), priority=4),
+    number_column(
+        "NLL",
+        "nll",
+        form=ratio,
+        second_line=True,
+        priority=5,
+        collapsed=True,
+        about="negative log-likelihood of the true position; smaller is better",
+    ),
+    number_column("ellipse [m²]", "area95", form=ratio, collapsed=True, report_only=True),
+    number_column("diverged", form=share(1), priority=3, collapsed=True, rare=True),
+    number_column(
+        "messages",
+        form=ratio,
+        priority=6,
+        collapsed=True,
+        about="messages, bytes and µs are per robot and tick",
+    ),
+    number_column("bytes", form=count),
+    number_column("µs", "seconds", form=microseconds, second_line=True),
+    number_column("trials", second_line=True, priority=1, report_only=True),
+)
+DECIDED = text_column("decided", "verdict", "look", of=("verdict", "look", "trials"), form=decision)
+
+
+def result_columns(baselines: Iterable[str], until_decided: bool) -> tuple[TableColumn, ...]:
+    """Return the columns of some rows of `compare`, with the baseline's name in a head where there is only one."""
+    names = set(baselines)
+    head = f"vs {names.pop()}" if len(names) == 1 else "vs baseline"
+    columns = (*RESULTS, DECIDED) if until_decided else RESULTS
+    return tuple(replace(column, head=head) if column.head == "vs baseline" else column for column in columns)
+
+
+# ------------------------------------------------------------------------------------------------ tables
 
 FLAGS = {flag: flag.replace("-", "_").replace(" ", "_") for flag in
          ("over-confident", "consistent", "conservative", "over-wide", "not shown", "not assessed")}  # fmt: skip
@@ -36,23 +187,20 @@ def sort_rows(table: pd.DataFrame, by: str = "rmse") -> pd.DataFrame:
     return table if by == STUDY else pd.concat([part.sort_values(by, kind="stable") for part in parts])
 
 
-def lowest_that_qualifies(rows: list[Row]) -> Row | None:
+def lowest_that_qualifies(rows: Iterable[Row]) -> Row | None:
     """Return the row of `compare` with the lowest RMSE of those that may be called best; None: no such row."""
     return min((row for row in rows if not disqualifications(row)), key=lambda row: row["rmse"], default=None)
 
 
 def results(name: str, part: pd.DataFrame, ranks: Ranks, caption: str) -> Table:
     """Return one row per (scenario, estimator) of `compare`, those of a scenario in order of error."""
-    rows: list[Row] = []
-    for row in sort_rows(part).to_dict("records"):
-        mean, letters = ranks[row["scenario"]]
-        estimator, status = row["estimator"], row["certificate"].partition(":")[0]
-        rows.append({**row, "rank": mean.get(estimator, np.nan), "group": letters.get(estimator, ""), "status": status})
-    for _, same in groupby(rows, key=lambda row: row["scenario"]):
-        together = list(same)
+    rows: list[Row] = sort_rows(part).to_dict("records")
+    for scenario, same in groupby(rows, key=lambda row: row["scenario"]):
+        together, (mean, letters) = list(same), ranks[scenario]
         chosen = lowest_that_qualifies(together)
         for row in together:
-            row["best"] = "yes" if row is chosen else ""
+            row["rank"], row["group"] = mean.get(row["estimator"], np.nan), letters.get(row["estimator"], "")
+            row |= {"status": row["certificate"].partition(":")[0], "best": "yes" * (row is chosen)}
     marks = {f"data-{key}": key for key in ("scenario", "estimator", "consistency", "baseline", "best")}
     until_decided = "look" in part
     empty = {"checks"} if not part["certificate"].any() else set()  # all are built in
@@ -167,45 +315,40 @@ def scenario_tables(table: pd.DataFrame, settings: Mapping[str, Mapping[str, Any
         kinds.setdefault(tuple(settings.get(scenario, {})), []).append(str(scenario))
     most = table.sort_values("trials", ascending=False, kind="stable").drop_duplicates("scenario").set_index("scenario")
     out = []
-    for i, (names, scenarios) in enumerate(kinds.items()):
+    for i, (names, scenarios) in enumerate(kinds.items(), 1):
         given = {scenario: settings.get(scenario, {}) for scenario in scenarios}
         unlike = [name for name in names if len({repr(one[name]) for one in given.values()}) > 1]
-        ending = f"-{i + 1}" if len(kinds) > 1 else ""
-        out.append(_scenarios(f"scenarios{ending}", given, [n for n in unlike if n != "robots"], most))
+        columns = [name for name in unlike if name != "robots"]
+        units = {name: meanings().get(name, {}).get("unit", "") for name in columns}
+        rows: list[Row] = [
+            {
+                "scenario": scenario,
+                **most.loc[scenario, ["robots", "trials", "baseline", "stream"]].to_dict(),
+                **{name: parameter_text(values[name]) for name in columns},
+            }
+            for scenario, values in given.items()
+        ]
+        heads = (
+            text_column("scenario"),
+            *map(number_column, ("robots", "trials")),
+            text_column("baseline"),
+            *(number_column(f"{name} [{unit}]" if unit else name, name) for name, unit in units.items()),
+            text_column("stream", form=lambda stream: str(stream)[:HASH]),
+        )
+        caption = (
+            "Scenarios, with the parameters in which they differ. Results of equal streams can be paired: the hash is "
+            "over every reading, link and initial position of the trials."
+        )
+        ending = f"-{i}" if len(kinds) > 1 else ""
+        out.append(Table(f"scenarios{ending}", caption, heads, rows, {"data-scenario": "scenario"}))
         if names:
             shared = {key: DIFFERS if key in unlike else parameter_text(v) for key, v in given[scenarios[0]].items()}
-            rows = [
-                {"unit": "", "meaning": "", "parameter": k, "value": v, **meanings().get(k, {})}
-                for k, v in shared.items()
-            ]
             about = "What these scenarios share; parameters that differ have their values beside each scenario, above."
-            columns = tuple(map(text_column, ("parameter", "value", "unit", "meaning")))
-            out.append(Table(f"parameters{ending}", about, columns, rows))
+            empty = {"unit": "", "meaning": ""}
+            lines = [{**empty, "parameter": k, "value": v, **meanings().get(k, {})} for k, v in shared.items()]
+            texts = tuple(map(text_column, ("parameter", "value", "unit", "meaning")))
+            out.append(Table(f"parameters{ending}", about, texts, lines))
     return out
-
-
-def _scenarios(name: str, given: Mapping[str, Mapping[str, Any]], unlike: list[str], most: pd.DataFrame) -> Table:
-    units = {parameter: meanings().get(parameter, {}).get("unit", "") for parameter in unlike}
-    columns = (
-        text_column("scenario"),
-        *map(number_column, ("robots", "trials")),
-        text_column("baseline"),
-        *(number_column(f"{name} [{unit}]" if unit else name, name) for name, unit in units.items()),
-        text_column("stream", form=lambda stream: str(stream)[:HASH]),
-    )
-    rows: list[Row] = [
-        {
-            "scenario": scenario,
-            **most.loc[scenario, ["robots", "trials", "baseline", "stream"]].to_dict(),
-            **{parameter: parameter_text(values[parameter]) for parameter in unlike},
-        }
-        for scenario, values in given.items()
-    ]
-    caption = (
-        "Scenarios, with the parameters in which they differ. Results of equal streams can be paired: the hash is over "
-        "every reading, link and initial position of the trials."
-    )
-    return Table(name, caption, columns, rows, {"data-scenario": "scenario"})
 
 
 def parameter_text(value: Any) -> str:
@@ -260,12 +403,6 @@ class Failure(NamedTuple):
     traceback: str  # of its first trial
 
 
-def trial_list(trials: pd.Series) -> str:
-    """Return the first numbers of the trials: "trial 3", "trials 3, 5, 8 ..."."""
-    shown = ", ".join(map(str, sorted(trials)[:SHOWN_TRIALS])) + " ..." * (len(trials) > SHOWN_TRIALS)
-    return f"{'trial' if len(trials) == 1 else 'trials'} {shown}"
-
-
 def failures(rows: pd.DataFrame) -> list[Failure]:
     """Return each kind of failure once, the most frequent first."""
     failed = rows[rows["failure"].notna()].drop_duplicates(["scenario", "estimator", "trial"])
@@ -273,6 +410,9 @@ def failures(rows: pd.DataFrame) -> list[Failure]:
     found = []
     for _, part in failed.groupby(kinds, sort=False):
         cells = part.groupby(["scenario", "estimator"], sort=False)
-        where = [f"{scenario}, {estimator}: {trial_list(one['trial'])}" for (scenario, estimator), one in cells]
+        where = []
+        for (scenario, estimator), one in cells:
+            trials = ", ".join(map(str, sorted(one["trial"])[:SHOWN_TRIALS])) + " ..." * (len(one) > SHOWN_TRIALS)
+            where.append(f"{scenario}, {estimator}: {'trial' if len(one) == 1 else 'trials'} {trials}")
         found.append(Failure(str(part["failure"].iloc[0]), len(part), where, str(part["traceback"].iloc[0])))
     return sorted(found, key=lambda kind: -kind.trials)

@@ -1,6 +1,6 @@
 """One table for every reader: printed in a terminal, or written as LaTeX, Markdown and CSV; `html_page` writes HTML.
 
-Rows are mappings; a `TableColumn` says which values of a row it shows and how. `result_columns` has those of a run.
+Rows are mappings; a `TableColumn` says which values of a row it shows and how. `result_tables` has those of a run.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence

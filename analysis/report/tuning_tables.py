@@ -80,7 +80,12 @@ def side_by_side(gains: pd.DataFrame) -> Table:
     RMSE is the geometric mean over scenarios, the score the plain one; only estimators of every scenario are in it.
     """
     everywhere = gains.groupby("estimator").filter(lambda part: len(part) == gains["scenario"].nunique())
-    halves = [_rank(everywhere, which) for which in ("published", "tuned")]
+    halves = []
+    for which in ("published", "tuned"):
+        logs = everywhere.assign(rmse=np.log(everywhere[f"rmse_{which}"]), score=everywhere[f"score_{which}"])
+        means = logs.groupby("estimator", sort=False)[["rmse", "score"]].mean()
+        means = means.sort_values("rmse", kind="stable").reset_index()
+        halves.append(means.assign(rmse=np.exp(means["rmse"])).add_suffix(f"_{which}"))
     rows = pd.concat(halves, axis=1)
     before = {name: k for k, name in enumerate(rows["estimator_published"])}
     rows["place"] = range(1, len(rows) + 1)
@@ -99,14 +104,6 @@ def side_by_side(gains: pd.DataFrame) -> Table:
     return Table(
         "side-by-side", "by RMSE, geometric mean over the worlds; score: mean [nats]", columns, rows.to_dict("records")
     )
-
-
-def _rank(gains: pd.DataFrame, which: str) -> pd.DataFrame:
-    """Return one half of the table: estimators with their means over scenarios, by error."""
-    logs = gains.assign(rmse=np.log(gains[f"rmse_{which}"]), score=gains[f"score_{which}"])
-    means = logs.groupby("estimator", sort=False)[["rmse", "score"]].mean()
-    means = means.sort_values("rmse", kind="stable").reset_index()
-    return means.assign(rmse=np.exp(means["rmse"])).add_suffix(f"_{which}")
 
 
 def order_sentence(table: pd.DataFrame, by: str) -> str:
@@ -152,17 +149,18 @@ def extremes_sentence(gains: pd.DataFrame) -> str:
 
 def scenario_sentences(gains: pd.DataFrame) -> list[str]:
     """Return for each scenario the smallest errors before and after, and how alike the two orders are."""
-    return [_scenario_sentence(str(scenario), part) for scenario, part in gains.groupby("scenario", sort=False)]
-
-
-def _scenario_sentence(scenario: str, part: pd.DataFrame) -> str:
-    whole = part[(part["failed_published"] == 0) & (part["failed_tuned"] == 0)]
-    if len(whole) < 2:
-        return f"`{scenario}`: fewer than two estimators without failed trials."
-    tau = stats.kendalltau(whole["rmse_published"], whole["rmse_tuned"]).statistic
-    first, then = (whole.sort_values(f"rmse_{which}").to_dict("records")[0] for which in ("published", "tuned"))
-    same = "and when tuned" if first["estimator"] == then["estimator"] else f"tuned it is `{then['estimator']}`"
-    return (
-        f"`{scenario}`: `{first['estimator']}` has the smallest RMSE as published ({metres(first['rmse_published'])} "
-        f"m), {same} ({metres(then['rmse_tuned'])} m); Kendall's tau between the two orders is {decimals(tau, 2)}."
-    )
+    out = []
+    for scenario, part in gains.groupby("scenario", sort=False):
+        whole = part[(part["failed_published"] == 0) & (part["failed_tuned"] == 0)]
+        if len(whole) < 2:
+            out.append(f"`{scenario}`: fewer than two estimators without failed trials.")
+            continue
+        tau = stats.kendalltau(whole["rmse_published"], whole["rmse_tuned"]).statistic
+        first, then = (whole.sort_values(f"rmse_{which}").to_dict("records")[0] for which in ("published", "tuned"))
+        same = "and when tuned" if first["estimator"] == then["estimator"] else f"tuned it is `{then['estimator']}`"
+        out.append(
+            f"`{scenario}`: `{first['estimator']}` has the smallest RMSE as published "
+            f"({metres(first['rmse_published'])} m), {same} ({metres(then['rmse_tuned'])} m); Kendall's tau between "
+            f"the two orders is {decimals(tau, 2)}."
+        )
+    return out

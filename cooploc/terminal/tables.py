@@ -22,8 +22,16 @@ from cooploc.analysis.metrics.errors import drop_failed, note_lines
 from cooploc.analysis.metrics.ranking import short_certificate
 from cooploc.analysis.metrics.sequential import PILOT, minutes
 from cooploc.analysis.report import claim_tables, tuning_tables
-from cooploc.analysis.report.result_columns import REMARKS, STOPPED, decision, result_columns
-from cooploc.analysis.report.result_tables import STUDY, failures, lowest_that_qualifies, sort_rows
+from cooploc.analysis.report.result_tables import (
+    REMARKS,
+    STOPPED,
+    STUDY,
+    decision,
+    failures,
+    lowest_that_qualifies,
+    result_columns,
+    sort_rows,
+)
 from cooploc.analysis.report.tables import Row, Table, csv_text, number_column, text_column
 from cooploc.scenarios.conformance import Report, sentences
 from cooploc.scenarios.recordings.scenario import NO_ORDER

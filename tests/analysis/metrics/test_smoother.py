@@ -12,7 +12,7 @@ from cooploc.analysis.execution.run import execute, prepare
 from cooploc.analysis.metrics.ranking import disqualifications
 from cooploc.analysis.plot.style import name_of, summarize_for_figures
 from cooploc.analysis.report import html_page, sentences
-from cooploc.analysis.report.result_columns import RESULTS
+from cooploc.analysis.report.result_tables import RESULTS
 from cooploc.estimators.interface import Belief
 from cooploc.scenarios.studies.study import Study
 
