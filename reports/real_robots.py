@@ -31,7 +31,7 @@ WIFI = ["dead-reckoning", "ekf-local", "ekf-local[anchor_reading=rssi]", "rssi-p
 def ranges(label: str, data: Path) -> pd.DataFrame:
     """Return range minus distance of every pair, over the whole recording."""
     model = resolve(label, data).model.at([0])
-    judged = model.judged
+    judged = model.judged_run
     log, robots = judged.log, judged.log.robots
     whole = FitPart(log, *span(log))
     found = residuals([whole], "range", robots, judged.grid.tick, Gaps(0.5, 0.5))

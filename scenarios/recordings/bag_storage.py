@@ -24,6 +24,7 @@ from rosbags.typesys.store import Typestore
 from cooploc.estimators.errors import BadInput
 
 ENDINGS = (".bag", ".db3", ".mcap")
+NO_BAG = "{}: no bag here; it needs files that end with .bag, .db3 or .mcap"
 Message = tuple[str, int, bytes]  # topic, time of receipt [ns], content
 Row = tuple[float, ...]
 POSE = ("x [m]", "y [m]", "z [m]", "heading [rad]")
@@ -51,18 +52,18 @@ def bag_paths(path: Path) -> list[Path]:
         raise BadInput(f"{path}: there is no such file or directory; name a bag (.bag, .db3, .mcap or its directory)")
     if path.is_file() or (path / "metadata.yaml").exists():
         return [path]
-    return _some(path, [p for p in path.iterdir() if p.suffix in ENDINGS or (p / "metadata.yaml").exists()])
+    found = sorted(p for p in path.iterdir() if p.suffix in ENDINGS or (p / "metadata.yaml").exists())
+    if not found:
+        raise BadInput(NO_BAG.format(path))
+    return found
 
 
 def storage_files(bag: Path) -> list[Path]:
     """Return the files that hold the messages of one bag."""
-    return _some(bag, [p for p in (bag.iterdir() if bag.is_dir() else [bag]) if p.suffix in ENDINGS])
-
-
-def _some(path: Path, found: list[Path]) -> list[Path]:
+    found = sorted(p for p in (bag.iterdir() if bag.is_dir() else [bag]) if p.suffix in ENDINGS)
     if not found:
-        raise BadInput(f"{path}: no bag here; it needs files that end with .bag, .db3 or .mcap")
-    return sorted(found)
+        raise BadInput(NO_BAG.format(bag))
+    return found
 
 
 @contextmanager
@@ -84,6 +85,14 @@ def open_bag(path: Path) -> Iterator[Bag]:
         yield Bag({c.topic: c.msgtype for c in reader.connections}, counts, messages, reader.deserialize)
 
 
+def _pose(place: Any, q: Any) -> Row:
+    """Return x, y, z, and the angle about z of a quaternion; nan where its fields are zero, as never set."""
+    if not (q.x or q.y or q.z or q.w):
+        return (place.x, place.y, place.z, np.nan)
+    heading = np.arctan2(2 * (q.w * q.z + q.x * q.y), q.w**2 + q.x**2 - q.y**2 - q.z**2)
+    return (place.x, place.y, place.z, float(heading))
+
+
 class MessageKind(NamedTuple):
     """The numbers that are read of one type of message."""
 
@@ -91,40 +100,23 @@ class MessageKind(NamedTuple):
     rows: Callable[[Any], list[Row]]  # of one message; one row, except of arrays
 
 
-def heading(q: Any) -> float:
-    """Return the angle about z [rad] of a quaternion with fields x, y, z, w; nan where all are zero, as never set."""
-    if not (q.x or q.y or q.z or q.w):
-        return np.nan
-    return float(np.arctan2(2 * (q.w * q.z + q.x * q.y), q.w**2 + q.x**2 - q.y**2 - q.z**2))
-
-
-def _pose(place: Any, turn: Any) -> Row:
-    return (place.x, place.y, place.z, heading(turn))
-
-
-def _twist(t: Any) -> Row:
-    return (t.linear.x, t.angular.z)
-
-
-def _odometry(m: Any) -> list[Row]:
-    return [_pose(m.pose.pose.position, m.pose.pose.orientation) + _twist(m.twist.twist)]
-
-
-def _pose_with_covariance(m: Any) -> list[Row]:
-    return [_pose(m.pose.pose.position, m.pose.pose.orientation)]
-
-
-def _transform(m: Any) -> list[Row]:
-    return [_pose(m.transform.translation, m.transform.rotation)]
+def _speeds(twist: Any) -> Row:
+    return (twist.linear.x, twist.angular.z)
 
 
 KINDS: Mapping[str, MessageKind] = {
-    "nav_msgs/msg/Odometry": MessageKind(POSE + TWIST, _odometry),
+    "nav_msgs/msg/Odometry": MessageKind(
+        POSE + TWIST, lambda m: [_pose(m.pose.pose.position, m.pose.pose.orientation) + _speeds(m.twist.twist)]
+    ),
     "geometry_msgs/msg/PoseStamped": MessageKind(POSE, lambda m: [_pose(m.pose.position, m.pose.orientation)]),
-    "geometry_msgs/msg/PoseWithCovarianceStamped": MessageKind(POSE, _pose_with_covariance),
-    "geometry_msgs/msg/TransformStamped": MessageKind(POSE, _transform),
-    "geometry_msgs/msg/Twist": MessageKind(TWIST, lambda m: [_twist(m)]),
-    "geometry_msgs/msg/TwistStamped": MessageKind(TWIST, lambda m: [_twist(m.twist)]),
+    "geometry_msgs/msg/PoseWithCovarianceStamped": MessageKind(
+        POSE, lambda m: [_pose(m.pose.pose.position, m.pose.pose.orientation)]
+    ),
+    "geometry_msgs/msg/TransformStamped": MessageKind(
+        POSE, lambda m: [_pose(m.transform.translation, m.transform.rotation)]
+    ),
+    "geometry_msgs/msg/Twist": MessageKind(TWIST, lambda m: [_speeds(m)]),
+    "geometry_msgs/msg/TwistStamped": MessageKind(TWIST, lambda m: [_speeds(m.twist)]),
     "geometry_msgs/msg/PoseArray": MessageKind(POSE, lambda m: [_pose(p.position, p.orientation) for p in m.poses]),
     "sensor_msgs/msg/Range": MessageKind(("range [m]",), lambda m: [(m.range,)]),
     "std_msgs/msg/Float32": MessageKind(("value",), lambda m: [(m.data,)]),
@@ -135,9 +127,7 @@ KINDS: Mapping[str, MessageKind] = {
 def stamp_of(message: Any) -> int | None:
     """Return a message's own stamp [ns], or None where its type has no header or the stamp was never set."""
     header = getattr(message, "header", None)
-    if header is None:
-        return None
-    return int(header.stamp.sec) * 10**9 + int(header.stamp.nanosec) or None
+    return int(header.stamp.sec) * 10**9 + int(header.stamp.nanosec) or None if header else None
 
 
 def decode_ros2(raw: bytes, kind: str) -> Any:

@@ -252,7 +252,7 @@ def columns_of(topic: str, series: TopicSeries, names: Sequence[str], table: str
 
 def values_of(topic: str, table: schema.ReadingColumns, series: TopicSeries) -> tuple[Array, Array]:
     """Return times and values (m, k) of one topic of measurements."""
-    if isinstance(table, schema.Sightings):
+    if isinstance(table, schema.SightingsTable):
         x, y, z = columns_of(topic, series, ("x [m]", "y [m]", "z [m]"), "sightings").T
         if series.type != "geometry_msgs/msg/PoseArray":
             return series.time, np.stack([np.hypot(x, y), np.arctan2(y, x)], -1)
@@ -262,9 +262,9 @@ def values_of(topic: str, table: schema.ReadingColumns, series: TopicSeries) -> 
     values = series.values[:, :1].copy()
     if series.columns not in (("value",), ("range [m]",)):
         raise BadInput(f"topic {topic} has {', '.join(series.columns)}, not one number; correct the topic in log.toml")
-    if isinstance(table, schema.Ranges):
+    if isinstance(table, schema.RangesTable):
         values *= UNITS["m"][table.unit]
-    elif isinstance(table, schema.Rssi):
+    elif isinstance(table, schema.RssiTable):
         values[values >= table.missing_from] = np.nan
     return series.time, values
 

@@ -165,7 +165,7 @@ def _measurements(run: RunFiles, table: ReadingColumns, names: Sequence[str]) ->
             run.warnings.append(f"{rows.path}: {left_out}")
         values = rows.values[stamped]
         robots, others = ([n for n, s in zip(of, stamped, strict=True) if s] for of in (rows.robot, rows.other))
-        if isinstance(table, schema.Rssi):
+        if isinstance(table, schema.RssiTable):
             values[values >= table.missing_from] = np.nan
         m = max(len(each), 1)
         yield Measured(

@@ -25,9 +25,10 @@ from cooploc.scenarios.recordings.schema import TeamDescription
 from cooploc.scenarios.recordings.team_log import (
     Measured,
     Places,
-    Readings,
+    ReadingSeries,
     Series,
     TeamLog,
+    arena_around,
     order_series,
     split_channels,
 )
@@ -106,8 +107,6 @@ def _columns(barcodes: TextTable, surveyed: TextTable, n: int) -> dict[int, int]
 
 # ---- The scenario `mrclam`
 
-MARGIN = 2.0  # [m] around the landmarks: the arena must not be taken from the truth
-
 
 class Mrclam(BaseModel):
     """Parameters of the scenario. All lengths in m, times in s, angles in rad."""
@@ -139,7 +138,7 @@ class Mrclam(BaseModel):
         return World(
             robots=len(self.log.robots),
             tick=self.tick,
-            arena=_arena(landmarks),
+            arena=arena_around(landmarks),
             motion=Unicycle(self.sigma_v, self.sigma_omega, self.tick),
             sensors={"landmark": camera, "sighting": camera},
             landmarks=landmarks,
@@ -154,7 +153,11 @@ class Mrclam(BaseModel):
             )
         log = self.log
         t0, edges = self._span()
-        poses = np.stack([self._poses(series, t0, edges) for series in log.truth if series], 1)
+        columns = []
+        for series in filter(None, log.truth):
+            true = np.column_stack([series.values[:, :2], np.unwrap(series.values[:, 2])])
+            columns.append(wrap_heading(interpolate(series.time - t0, true, edges, self.max_gap)))
+        poses = np.stack(columns, 1)
         path = poses[None, 1:]
         valid: Mask = np.asarray(np.isfinite(path).all(-1))
         senses, notes = self._senses(t0, edges)
@@ -169,9 +172,18 @@ class Mrclam(BaseModel):
             prior=self._prior(poses[0]),
             senses=senses,
             air=Air(linked, np.empty((t, T, n, 0)), np.empty((t, T, n, 0))),
-            notes=self._notes() | notes | {"truth_masked": (~valid[0]).sum(0).tolist()},
+            notes={
+                "world": type(self).__name__,
+                "parameters": self.model_dump(mode="json", exclude={"data"}),
+                "recording": self.data.resolve().name,
+                "source": "UTIAS MRCLAM; Leung, Halpern, Barfoot, Liu, IJRR 30(8), 2011",
+                "prior": "true pose at t0, interpolated; assumed sd "
+                f"{self.prior_position:g} m, {self.prior_heading:g} rad",
+                **notes,
+                "truth_masked": (~valid[0]).sum(0).tolist(),
+            },
         )
-        return Truth(label, stream.trial, path, valid, _arena(log.landmarks.positions), stream.hashes), stream
+        return Truth(label, stream.trial, path, valid, arena_around(log.landmarks.positions), stream.hashes), stream
 
     def _span(self) -> tuple[float, Array]:
         """The prior's time [s], and the edges (T + 1,) of the ticks after it [s]."""
@@ -187,12 +199,6 @@ class Mrclam(BaseModel):
             )
         return float(begin) + self.start, self.tick * np.arange(int(length / self.tick + 1e-6) + 1.0)
 
-    def _poses(self, series: Series, t0: float, at: Array) -> Array:
-        """True poses (len(at), 3), interpolated along the unwrapped heading; nan where the truth was not recorded."""
-        poses = series.values.copy()
-        poses[:, 2] = np.unwrap(poses[:, 2])
-        return wrap_heading(interpolate(series.time - t0, poses, at, self.max_gap))
-
     def _prior(self, poses: Array) -> Belief:
         """The true poses (n, 3) at t0."""
         lost = np.isnan(poses).any(-1)
@@ -206,11 +212,8 @@ class Mrclam(BaseModel):
 
     def _senses(self, t0: float, edges: Array) -> tuple[Senses, dict[str, Any]]:
         """Return odometry and readings, and notes of what was dropped."""
-        log = self.log
-        n, none = (
-            len(log.robots),
-            Readings(np.empty(0), np.empty(0, np.int64), np.empty(0, np.int64), np.empty((0, 2)), ""),
-        )
+        log, n, i = self.log, len(self.log.robots), np.empty(0, np.int64)
+        none = ReadingSeries(np.empty(0), i, i, np.empty((0, 2)), "")
         odometry = np.stack([mean_held(series.time - t0, series.values, edges) for series in log.odometry], 1)[None]
         grid, notes = Grid(t0, self.tick, len(edges) - 1), dict[str, Any]()
         sighting, notes["sighting"] = cells(log.readings.get("sighting", none), grid, n, n)
@@ -222,16 +225,3 @@ class Mrclam(BaseModel):
         notes["odometry_missing"] = np.isnan(odometry[0]).any(-1).sum(0).tolist()
         notes["warnings"] = [line.replace(f"{self.data}/", "") for line in log.warnings]
         return Senses(odometry, dt, anchors, landmark, sighting[None], {}), notes
-
-    def _notes(self) -> dict[str, Any]:
-        return {
-            "world": type(self).__name__,
-            "parameters": self.model_dump(mode="json", exclude={"data"}),
-            "recording": self.data.resolve().name,
-            "source": "UTIAS MRCLAM; Leung, Halpern, Barfoot, Liu, IJRR 30(8), 2011",
-            "prior": f"true pose at t0, interpolated; assumed sd {self.prior_position:g} m, {self.prior_heading:g} rad",
-        }
-
-
-def _arena(landmarks: Array) -> Array:
-    return np.stack([landmarks.min(0) - MARGIN, landmarks.max(0) + MARGIN])

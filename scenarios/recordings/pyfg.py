@@ -31,7 +31,7 @@ from cooploc.scenarios.recordings.team_log import (
     Kind,
     Measured,
     Places,
-    Readings,
+    ReadingSeries,
     Series,
     TeamLog,
     order_series,
@@ -179,7 +179,7 @@ def read_run(data: Path, place: Path, name: str, description: TeamDescription) -
     landmarks = _places(graph, {e.second for e in graph.seen})
     odometry = tuple(_odometry(graph, chain, steps) for chain in chains.values())
     truth = tuple(_series(graph, chain, [graph.poses[name].pose for name in chain]) for chain in chains.values())
-    robots, readings = tuple(chains), dict[Channel, Readings]()
+    robots, readings = tuple(chains), dict[Channel, ReadingSeries]()
     polar = _measured(graph, [*map(_polar, sightings), *map(_polar, graph.seen)])
     for kind, measured, places in (("range", _measured(graph, graph.ranges), anchors), ("sighting", polar, landmarks)):
         channels, notes = split_channels(cast(Kind, kind), [measured], robots, places.names)

@@ -16,7 +16,7 @@ from cooploc.scenarios.recordings.team_log import (
     READING_COLUMNS,
     Channel,
     OdometryKind,
-    Readings,
+    ReadingSeries,
     Series,
     TeamLog,
     other_names,
@@ -152,7 +152,7 @@ def odometry(kind: OdometryKind, series: Series, grid: Grid, max_hold: float) ->
     return np.stack([forward, step[:, 2]], -1) / grid.dt[:, None]
 
 
-def cells(readings: Readings, grid: Grid, robots: int, others: int) -> tuple[Array, dict[str, Any]]:
+def cells(readings: ReadingSeries, grid: Grid, robots: int, others: int) -> tuple[Array, dict[str, Any]]:
     """Return readings (T, robots, others, k), each at the tick nearest to its stamp, and counts of them."""
     k = grid.nearest(readings.time)
     inside = (k >= 0) & (k < grid.ticks)
@@ -172,7 +172,7 @@ def cells(readings: Readings, grid: Grid, robots: int, others: int) -> tuple[Arr
     return table.reshape(*shape, -1), counts
 
 
-def alternate_ranges(readings: Readings) -> Readings:
+def alternate_ranges(readings: ReadingSeries) -> ReadingSeries:
     """Give a pair's readings of each other to its two robots in turn, so that each is used once and both profit."""
     low, high = np.minimum(readings.robot, readings.other), np.maximum(readings.robot, readings.other)
     robot, other = low.copy(), high.copy()

@@ -35,7 +35,7 @@ from cooploc.scenarios.recordings.fit import (
 from cooploc.scenarios.recordings.prior import prior
 from cooploc.scenarios.recordings.sampling import Gaps, Grid, grid_of_lines, resample_readings
 from cooploc.scenarios.recordings.schema import NAME, TeamDescription
-from cooploc.scenarios.recordings.team_log import TeamLog
+from cooploc.scenarios.recordings.team_log import TeamLog, arena_around
 from cooploc.scenarios.stream import Stream, Truth
 from cooploc.scenarios.worlds.radio import Positive
 
@@ -46,7 +46,6 @@ NO_ORDER = "ranks no estimators"  # in a sentence of `explanations`
 SHORT = 30  # ticks
 STILL = 3.0  # standard deviations of the prior
 READINGS = ("senses.anchor_rssi", "senses.landmark", "senses.sighting", "air.rssi", "air.range", "extra.anchor_range")
-MARGIN = 2.0  # [m] around all fixed things: the arena must not be taken from the truth
 
 
 class Reader(NamedTuple):
@@ -94,8 +93,14 @@ class TeamFolder:
     @cached_property
     def different(self) -> list[str]:
         """Names of the runs, without those that are part of a longer one; of two equal runs the first stays."""
+
+        def is_part(name: str, other: str) -> bool:
+            logs = a, b = self.log(name), self.log(other)
+            short, long = (sum(len(series.time) for series in log.truth if series is not None) for log in logs)
+            return _same(a, b) and (long, name) > (short, other)
+
         names = list(self.places)
-        return [name for name in names if not any(self._is_part(name, other) for other in names if other != name)]
+        return [name for name in names if not any(is_part(name, other) for other in names if other != name)]
 
     def others(self, name: str, same_set_up: bool) -> list[TeamLog]:
         """Return the runs on which this one's models may be fitted: none is the same recording or is there twice."""
@@ -107,14 +112,6 @@ class TeamFolder:
             and (set_up(other, patterns) == set_up(name, patterns) or not same_set_up)
             and not _same(self.log(name), self.log(other))
         ]
-
-    def _is_part(self, name: str, other: str) -> bool:
-        a, b = self.log(name), self.log(other)
-        return _same(a, b) and (_length(b), name) > (_length(a), other)
-
-
-def _length(log: TeamLog) -> int:
-    return sum(len(series.time) for series in log.truth if series is not None)
 
 
 def _same(a: TeamLog, b: TeamLog) -> bool:
@@ -135,7 +132,7 @@ def set_up(name: str, patterns: Sequence[str]) -> str:
     return next((pattern for pattern in patterns if fnmatchcase(name, pattern)), f"only {name}")
 
 
-class Judged(NamedTuple):
+class JudgedRun(NamedTuple):
     """A run, the part of it that is judged, and what is known of it."""
 
     log: TeamLog
@@ -177,7 +174,7 @@ class TeamScenario(schema.Model):
         return TeamFolder(self.data, schema.load(schema.shipped_path(self.described)) if self.described else None)
 
     @cached_property
-    def judged(self) -> Judged:
+    def judged_run(self) -> JudgedRun:
         """The run that is simulated, with its models."""
         if self.run == ALL:
             raise BadInput(f"{self.data}: {ALL!r} is {self.count()} runs; choose one with at([0])")
@@ -191,9 +188,14 @@ class TeamScenario(schema.Model):
         else:
             others = self.folder.others(self.run, self.fitted_on == "same set-up") if fit.on == "other runs" else []
             parts = [FitPart(other, *sampling.span(other), lines) for other in others]
-        return Judged(
-            log, grid, parts, team_models(log, parts, self._fit_settings(grid.tick)), _arena(log, self.folder)
-        )
+        models = team_models(log, parts, self._fit_settings(grid.tick))
+        if self.folder.description.arena:
+            return JudgedRun(log, grid, parts, models, np.array(self.folder.description.arena, float))
+        fixed = np.concatenate([log.anchors.positions, log.landmarks.positions])
+        if not len(fixed):
+            lack = "there are no fixed things around which the arena lies; state its corners [m] in log.toml"
+            raise BadInput(f"{self.folder.data}: {lack}: arena = [[0, 0], [6, 4]]")
+        return JudgedRun(log, grid, parts, models, arena_around(fixed))
 
     @cached_property
     def _by_trial(self) -> dict[int, "TeamScenario"]:
@@ -218,7 +220,7 @@ class TeamScenario(schema.Model):
 
     def world(self) -> World:
         """Return what the team knows of this run: fixed things, arena, and assumed models."""
-        log, grid, _, models, arena = self.judged
+        log, grid, _, models, arena = self.judged_run
         return World(
             robots=len(log.robots),
             tick=grid.tick,
@@ -232,7 +234,7 @@ class TeamScenario(schema.Model):
 
     def simulate(self, label: str, trials: Sequence[int], seed: int, world: World) -> tuple[Truth, Stream]:
         """Truth and stream of one run, with `world` as what the team knows; the seed changes nothing."""
-        log, grid, _, models, arena = self.judged
+        log, grid, _, models, arena = self.judged_run
         gaps, edges = self._gaps, grid.edges
         poses = np.stack([sampling.poses(series, edges, gaps.truth) for series in log.truth], 1)
         headed = bool((np.isfinite(poses[1:, :, 2]) | np.isnan(poses[1:, :, 0])).all())
@@ -277,14 +279,14 @@ class TeamScenario(schema.Model):
         """Return sentences, run by run, on what was left out, sorted or repaired while reading."""
         if self.run == ALL:
             return [line for k in range(self.count()) for line in self.at([k]).faults()]
-        return list(self.judged.log.warnings)
+        return list(self.judged_run.log.warnings)
 
     def explanations(self) -> list[str]:
         """Return sentences, run by run: what was left out while reading, and the models with where they were fitted."""
         if self.run == ALL:
             return [line for k in range(self.count()) for line in self.at([k]).explanations()]
         try:
-            log, models = self.judged.log, self.judged.models
+            log, models = self.judged_run.log, self.judged_run.models
             reasons = self.weaknesses(*self.simulate("log", [0], 0, self.world()))
         except BadInput as e:
             return [str(e)]
@@ -294,7 +296,7 @@ class TeamScenario(schema.Model):
 
     def link_residuals(self) -> list[LinkResiduals]:
         """Return the residuals of the run after its models, where these were fitted and where they are judged."""
-        log, grid, parts, models, _ = self.judged
+        log, grid, parts, models, _ = self.judged_run
         judged = FitPart(log, grid.t0, float(grid.edges[-1]))
         return list(link_residuals(log, parts, judged, models, self._fit_settings(grid.tick)))
 
@@ -348,7 +350,7 @@ class TeamScenario(schema.Model):
         return {name: value for name in names if (value := getattr(self, name)) is not None}
 
     def _notes(self, odometry: Array, valid: Mask) -> dict[str, Any]:
-        log, models = self.judged.log, self.judged.models
+        log, models = self.judged_run.log, self.judged_run.models
         return {
             "world": type(self).__name__,
             "parameters": self.model_dump(mode="json", exclude={"data"}),
@@ -368,15 +370,3 @@ def _text_of(value: Any) -> str:
     if isinstance(value, list):
         return " and ".join(map(_text_of, value))
     return f"{value:.4g}"
-
-
-def _arena(log: TeamLog, folder: TeamFolder) -> Array:
-    if folder.description.arena:
-        return np.array(folder.description.arena, float)
-    fixed = np.concatenate([log.anchors.positions, log.landmarks.positions])
-    if not len(fixed):
-        raise BadInput(
-            f"{folder.data}: there are no fixed things around which the arena lies; state its corners [m] in log.toml: "
-            "arena = [[0, 0], [6, 4]]"
-        )
-    return np.stack([fixed.min(0) - MARGIN, fixed.max(0) + MARGIN])

@@ -187,7 +187,7 @@ class Odometry(Source):
         return self
 
 
-COLUMNS: Mapping[str, tuple[str, ...]] = {  # of odometry, in the order of `team_log.ODOMETRY_COLUMNS`
+COLUMNS: Mapping[str, tuple[str, ...]] = {  # of each kind of odometry
     "velocity": ("speed", "turn_rate"),
     "pose": ("x", "y", "heading"),
     "displacement": ("dx", "dy"),
@@ -222,7 +222,7 @@ class ReadingColumns(Source):
         return self
 
 
-class Ranges(ReadingColumns):
+class RangesTable(ReadingColumns):
     """Ranges by radio, to teammates or anchors."""
 
     columns = ("range",)
@@ -231,7 +231,7 @@ class Ranges(ReadingColumns):
     unit: Literal["m", "cm", "mm"] = "m"  # of a bag's values
 
 
-class Rssi(ReadingColumns):
+class RssiTable(ReadingColumns):
     """Received signal strength, of teammates or anchors."""
 
     columns = ("rssi",)
@@ -240,7 +240,7 @@ class Rssi(ReadingColumns):
     missing_from: float = 0.0  # [dBm] a reading of this or more is missing
 
 
-class Sightings(ReadingColumns):
+class SightingsTable(ReadingColumns):
     """Range and bearing (from straight ahead, counter-clockwise) of teammates or landmarks, as a camera sees them."""
 
     columns = ("range", "bearing")
@@ -346,9 +346,9 @@ class TeamDescription(Strict):
     set_ups: tuple[str, ...] = ("*",)  # runs whose names match one pattern had the same hardware and site
     odometry: Odometry | None = None
     truth: GroundTruth | None = None
-    ranges: Annotated[tuple[Ranges, ...], Several] = ()
-    rssi: Annotated[tuple[Rssi, ...], Several] = ()
-    sightings: Annotated[tuple[Sightings, ...], Several] = ()
+    ranges: Annotated[tuple[RangesTable, ...], Several] = ()
+    rssi: Annotated[tuple[RssiTable, ...], Several] = ()
+    sightings: Annotated[tuple[SightingsTable, ...], Several] = ()
     anchors: PlacesTable | None = None
     landmarks: PlacesTable | None = None
     sample: Sample = Sample()
@@ -412,7 +412,13 @@ class TeamDescription(Strict):
 
 
 TABLES: Mapping[str, type[Strict]] = {
-    **{"odometry": Odometry, "truth": GroundTruth, "ranges": Ranges, "rssi": Rssi, "sightings": Sightings},
+    **{
+        "odometry": Odometry,
+        "truth": GroundTruth,
+        "ranges": RangesTable,
+        "rssi": RssiTable,
+        "sightings": SightingsTable,
+    },
     **{"anchors": PlacesTable, "landmarks": PlacesTable},
     **{"sample": Sample, "prior": Prior, "fit": Fit, "model": Model},
 }

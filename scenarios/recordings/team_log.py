@@ -15,20 +15,14 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from cooploc.estimators.errors import BadInput
-from cooploc.estimators.interface import Array, Indices, Mask
+from cooploc.estimators.interface import Array, Indices
 from cooploc.scenarios.recordings.schema import GroundTruth, ReadingColumns, TeamDescription
 from cooploc.scenarios.recordings.text_files import count_of, time_order
 
+MARGIN = 2.0  # [m] around all fixed things
 OdometryKind = Literal["velocity", "pose", "displacement", "path"]
 Channel = Literal["range", "rssi", "sighting", "landmark", "anchor_rssi", "anchor_range"]
 
-# What the columns of a series are. Headings are counter-clockwise from x.
-ODOMETRY_COLUMNS: Mapping[OdometryKind, tuple[str, ...]] = {
-    "velocity": ("v [m/s]", "omega [rad/s]"),
-    "pose": ("x [m]", "y [m]", "heading [rad]"),  # in a frame of its own, integrated since some start
-    "displacement": ("dx [m]", "dy [m]"),  # since the line before, in a compass frame
-    "path": ("length [m]", "omega [rad/s]"),  # length is a counter
-}
 READING_COLUMNS: Mapping[Channel, tuple[str, ...]] = {
     "range": ("range [m]",),  # robot to robot, by radio
     "rssi": ("rssi [dBm]",),  # robot to robot
@@ -47,7 +41,7 @@ class Series(NamedTuple):
     source: str  # file or topic, to be named in messages
 
 
-class Readings(NamedTuple):
+class ReadingSeries(NamedTuple):
     """Measurements between a robot and a teammate, a landmark or an anchor."""
 
     time: Array  # (m,)    rises, equal stamps allowed [s]
@@ -72,7 +66,7 @@ class TeamLog(NamedTuple):
     odometry_kind: OdometryKind
     odometry: tuple[Series, ...]  # one a robot
     truth: tuple[Series | None, ...]  # x, y [m], heading [rad] (nan where it was not recorded)
-    readings: Mapping[Channel, Readings]
+    readings: Mapping[Channel, ReadingSeries]
     landmarks: Places
     anchors: Places
     warnings: tuple[str, ...] = ()  # what was dropped while reading, one sentence each
@@ -92,17 +86,19 @@ def other_names(log: TeamLog, channel: Channel) -> tuple[str, ...]:
     return log.robots if fixed is None else fixed.names
 
 
+def arena_around(fixed: Array) -> Array:
+    """Return the corners (2, 2) [m] of the arena around fixed things (p, 2): it must not be taken from the truth."""
+    return np.stack([fixed.min(0) - MARGIN, fixed.max(0) + MARGIN])
+
+
 # ---- True poses as a description declares them: in another frame, and without positions that cannot be
 
 
 def true_poses(time: Array, poses: Array, declared: GroundTruth) -> tuple[Array, int]:
     """Return poses (m, 3) in the team's frame, nan where they are stale or out of reach, and how many are the latter.
 
-    Args:
-        time: (m,) rising [s].
-        poses: (m, 3) x, y [m], heading [rad], as recorded; nan where absent.
-        declared: `frame`, `repeats` and `max_speed`.
-
+    `poses` are x, y [m], heading [rad] as recorded at `time` [s], nan where absent. Out of reach is a position that
+    `max_speed` does not lead to from the last valid one.
     """
     x, y, heading = poses.T
     if declared.frame == "mirrored":
@@ -112,36 +108,26 @@ def true_poses(time: Array, poses: Array, declared: GroundTruth) -> tuple[Array,
     framed = np.stack([x, y, heading], -1)  # not wrapped: degrees that were not declared must remain visible
     if declared.repeats == "stale":
         framed[1:][(np.diff(framed[:, :2], axis=0) == 0).all(-1)] = np.nan
-    jumps = unreachable(time, framed[:, :2], declared.max_speed or np.inf)
-    framed[jumps] = np.nan
-    return framed, int(jumps.sum())
-
-
-def unreachable(time: Array, positions: Array, speed: float) -> Mask:
-    """Return which positions (m, 2) cannot be reached from the last valid one at `speed` [m/s]."""
-    bad: Mask = np.zeros(len(time), bool)
-    if not np.isfinite(speed):
-        return bad
-    known = np.flatnonzero(np.isfinite(positions).all(-1))
-    last = known[0] if len(known) else 0
-    for k in map(int, known[1:]):
-        bad[k] = np.hypot(*(positions[k] - positions[last])) > speed * (time[k] - time[last])
-        last = last if bad[k] else k
-    return bad
+    jumps = 0
+    if declared.max_speed:
+        last, *rest = np.flatnonzero(np.isfinite(framed[:, :2]).all(-1)).tolist() or [0]
+        for k in rest:
+            if np.hypot(*(framed[k, :2] - framed[last, :2])) > declared.max_speed * (time[k] - time[last]):
+                framed[k] = np.nan
+                jumps += 1
+            else:
+                last = k
+    return framed, jumps
 
 
 # ---- A series of one robot, put into order
 
 
 def order_series(time: Array, values: Array, source: str, last: bool = False) -> tuple[Series, list[str]]:
-    """Return a series whose stamps rise, and what was left out or sorted, a sentence each.
+    """Return a series whose stamps rise, and sentences of what was left out or sorted.
 
-    Args:
-        time: (m,) [s] as recorded; `text_files.time_order` says what becomes of stamps that step back.
-        values: (m, k); of the first two columns both must be there, a nan elsewhere is kept.
-        source: file or topic.
-        last: whether the last of several lines with one stamp stays, as of commands, instead of the first.
-
+    Of the first two columns both must be there, a nan elsewhere is kept. Of lines with one stamp the first stays, or
+    the `last`, as of commands.
     """
     stamped, there = np.isfinite(time), np.isfinite(values[:, :2]).all(-1)
     good = np.flatnonzero(stamped & there)
@@ -207,36 +193,36 @@ def build_log(
         raise BadInput(f"{place}: no robot has two samples of odometry; correct [odometry] of log.toml")
     notes += [f"{place}: robot {robot!r} has fewer than two samples of odometry; it was left out" for robot in lost]
     moves, declared = d.odometry_and_truth
-    poses = tuple(_truth_of(place, robot, truth.get(robot), declared, notes) for robot in robots)
-    if all(series is None for series in poses):
+    poses: list[Series | None] = []
+    for robot in robots:
+        series = truth.get(robot)
+        if series is None or len(series.time) < 2:
+            notes.append(f"{place}: robot {robot!r} has no truth, and so no errors")
+            poses.append(None)
+            continue
+        values, jumps = true_poses(series.time, series.values, declared)
+        poses.append(series._replace(values=values))
+        if jumps:
+            notes.append(f"{series.source}: {jumps} true positions are out of reach at max_speed, and were left out")
+    if not any(poses):
         raise BadInput(f"{place}: no robot has a truth; correct [truth] of log.toml")
-    readings: dict[Channel, Readings] = {}
+    readings: dict[Channel, ReadingSeries] = {}
     for kind, _, fixed in reading_tables(d, anchors, landmarks):
         channels, left_out = split_channels(kind, measured[kind], robots, fixed.names)
         readings |= channels
         notes += left_out
-    series = tuple(odometry[robot] for robot in robots)
-    return TeamLog(name, robots, moves.kind, series, poses, readings, landmarks, anchors, tuple(notes))
-
-
-def _truth_of(place: Path, robot: str, series: Series | None, declared: GroundTruth, notes: list[str]) -> Series | None:
-    if series is None or len(series.time) < 2:
-        notes.append(f"{place}: robot {robot!r} has no truth, and so no errors")
-        return None
-    values, jumps = true_poses(series.time, series.values, declared)
-    if jumps:
-        notes.append(f"{series.source}: {jumps} true positions are out of reach at max_speed, and were left out")
-    return series._replace(values=values)
+    moved = tuple(odometry[robot] for robot in robots)
+    return TeamLog(name, robots, moves.kind, moved, tuple(poses), readings, landmarks, anchors, tuple(notes))
 
 
 def split_channels(
     kind: Kind, several: Sequence[Measured], robots: Sequence[str], fixed: Sequence[str]
-) -> tuple[dict[Channel, Readings], list[str]]:
+) -> tuple[dict[Channel, ReadingSeries], list[str]]:
     """Return readings of teammates and of fixed things, by rising stamps, and sentences of what was left out.
 
     Left out are measurements by or of something else, of oneself, without a number, and ranges that are not positive.
     """
-    parts: list[tuple[Channel, Readings]] = []
+    parts: dict[Channel, list[ReadingSeries]] = {}
     notes: list[str] = []
     for one in several:
         robot, mate, thing = (
@@ -251,37 +237,26 @@ def split_channels(
             (known & itself, one.robot, "of {} by itself"),
             (there & ~positive, one.robot, "by {} that are not positive"),
         ):
-            notes += _note_of_rows(one, dropped, names, what)
+            rows = np.flatnonzero(dropped).tolist()
+            whose = sorted({names[row] for row in rows})
+            some = ", ".join(map(repr, whose[:3])) + f" and {len(whose) - 3} more" * (len(whose) > 3)
+            notes += [f"{one.source}: {len(rows)} readings {what.format(some)}, were left out"] * bool(rows)
         good = known & ~itself & positive
         for channel, other in zip(CHANNELS[kind], (mate, thing), strict=True):
-            rows = np.flatnonzero(good & (other >= 0))
-            if len(rows):
-                parts.append(
-                    (channel, Readings(one.time[rows], robot[rows], other[rows], one.values[rows], one.source))
-                )
-    return {
-        c: _merge_readings([part for of, part in parts if of == c]) for c in CHANNELS[kind] if c in dict(parts)
-    }, notes
+            at = np.flatnonzero(good & (other >= 0))
+            if len(at):
+                found = ReadingSeries(one.time[at], robot[at], other[at], one.values[at], one.source)
+                parts.setdefault(channel, []).append(found)
+    merged: dict[Channel, ReadingSeries] = {}
+    for channel in filter(parts.__contains__, CHANNELS[kind]):
+        time, robot, other, values = (np.concatenate([part[i] for part in parts[channel]]) for i in range(4))
+        order = np.argsort(time, kind="stable")
+        sources = ", ".join(dict.fromkeys(part.source for part in parts[channel]))
+        merged[channel] = ReadingSeries(time[order], robot[order], other[order], values[order], sources)
+    return merged, notes
 
 
 def _numbers(names: Sequence[str], known: Sequence[str]) -> Indices:
     """The index of each name among those known, -1 where it is not one."""
     index = {name: i for i, name in enumerate(known)}
     return np.array([index.get(name, -1) for name in names], np.int64)
-
-
-def _note_of_rows(one: Measured, dropped: Mask, names: Sequence[str], what: str) -> list[str]:
-    rows = np.flatnonzero(dropped).tolist()
-    if not rows:
-        return []
-    whose = sorted({names[row] for row in rows})
-    shown = ", ".join(repr(name) for name in whose[:3]) + (f" and {len(whose) - 3} more" if len(whose) > 3 else "")
-    return [f"{one.source}: {len(rows)} readings {what.format(shown)}, were left out"]
-
-
-def _merge_readings(parts: Sequence[Readings]) -> Readings:
-    """One table of several, by rising stamps."""
-    time, robot, other, values = (np.concatenate([part[i] for part in parts]) for i in range(4))
-    order = np.argsort(time, kind="stable")
-    sources = ", ".join(dict.fromkeys(part.source for part in parts))
-    return Readings(time[order], robot[order], other[order], values[order], sources)

@@ -40,10 +40,10 @@ from cooploc.scenarios.recordings.inspect.motion import (
     third_quartile,
     true_turns,
 )
-from cooploc.scenarios.recordings.team_log import Channel, Readings, Series, TeamLog, fixed_places, other_names
+from cooploc.scenarios.recordings.team_log import Channel, ReadingSeries, Series, TeamLog, fixed_places, other_names
 
 FOR_ALL_ROBOTS = ("unit", "degrees", "radians", "clock", "axes", "mirrored")  # kinds whose setting is for every robot
-Values = TypeVar("Values", Series, Readings)
+Values = TypeVar("Values", Series, ReadingSeries)
 
 
 class Finding(NamedTuple):
@@ -94,7 +94,7 @@ class CheckedLog:
         changed: dict[str, Any] = {table: tuple(every)}
         self.log = self.log._replace(**changed)
 
-    def correct_readings(self, channel: Channel, readings: Readings) -> None:
+    def correct_readings(self, channel: Channel, readings: ReadingSeries) -> None:
         """Replace the readings of one channel."""
         self.log = self.log._replace(readings={**self.log.readings, channel: readings})
 
@@ -592,7 +592,7 @@ def check_scales(c: CheckedLog, i: int) -> None:
             c.add("scale", i, c.log.odometry[i].source, fact, "likely", f"{key} = {1 / b:.3g}", "model")
 
 
-# --- Readings
+# --- ReadingSeries
 
 BIAS = 0.1  # [m] a smaller one matters little beside the noise of ranges
 UNITS = {1000.0: "mm", 100.0: "cm", 0.01: "m", 0.001: "m"}
@@ -625,7 +625,7 @@ def check_names(c: CheckedLog) -> None:
             c.correct_readings(channel, readings._replace(other=other))
 
 
-def _find_renamed(log: TeamLog, channel: Channel, readings: Readings, i: int) -> dict[int, int]:
+def _find_renamed(log: TeamLog, channel: Channel, readings: ReadingSeries, i: int) -> dict[int, int]:
     """Map a named other to the one that the ranges of robot i fit, if that is another, and fits three times as well."""
     named = np.unique(readings.other[readings.robot == i])
     mutual = fixed_places(log, channel) is None
@@ -665,7 +665,7 @@ def check_reading_clocks(c: CheckedLog) -> None:
             c.correct_readings(channel, readings._replace(time=readings.time + shift))
 
 
-def _best_shift(log: TeamLog, channel: Channel, readings: Readings) -> tuple[float, float, float]:
+def _best_shift(log: TeamLog, channel: Channel, readings: ReadingSeries) -> tuple[float, float, float]:
     """Return the shift [s] of the stamps at which ranges fit distances best, the spread [m] there, and without it."""
     few = take_rows(readings, slice(None, None, max(1, len(readings.time) // 2000)))
     groups = [rows for _, _, rows in pairs(few, channel) if len(rows) >= 10]

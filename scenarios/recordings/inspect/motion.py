@@ -15,7 +15,7 @@ from scipy.stats import median_abs_deviation
 from cooploc.estimators.interface import Array, Indices
 from cooploc.estimators.models import wrap
 from cooploc.scenarios.recordings import sampling
-from cooploc.scenarios.recordings.team_log import Channel, Readings, Series, TeamLog, fixed_places
+from cooploc.scenarios.recordings.team_log import Channel, ReadingSeries, Series, TeamLog, fixed_places
 
 MOST_WINDOWS = 3000  # of one robot; longer recordings have longer windows
 FEWEST_POSITIONS = 10  # of a truth that is used
@@ -221,14 +221,14 @@ FEWEST = 20  # readings of a channel or pair
 NEAREST = 0.05  # [m] readings of things nearer than this are left out: no direction, and a ratio means nothing
 
 
-def distances(log: TeamLog, channel: Channel, readings: Readings, shift: float = 0.0) -> Array:
+def distances(log: TeamLog, channel: Channel, readings: ReadingSeries, shift: float = 0.0) -> Array:
     """Return the true distance (m,) [m] to what was measured, `shift` seconds later; nan where it is not known."""
     here, there = ends(log, channel, readings._replace(time=readings.time + shift))
     distance = np.hypot(*(there - here[:, :2]).T)
     return np.where(distance > NEAREST, distance, np.nan)
 
 
-def ends(log: TeamLog, channel: Channel, readings: Readings) -> tuple[Array, Array]:
+def ends(log: TeamLog, channel: Channel, readings: ReadingSeries) -> tuple[Array, Array]:
     """Return the true poses (m, 3) of those who measured, and the places (m, 2) of what they measured."""
     here, fixed = true_poses(log, readings.robot, readings.time), fixed_places(log, channel)
     if fixed is None:
@@ -247,14 +247,14 @@ def true_poses(log: TeamLog, robot: Indices, time: Array) -> Array:
     return poses
 
 
-def range_channels(log: TeamLog) -> Iterator[tuple[Channel, Readings]]:
+def range_channels(log: TeamLog) -> Iterator[tuple[Channel, ReadingSeries]]:
     """Yield the channels that have ranges, with enough readings."""
     for channel, readings in log.readings.items():
         if channel in TABLES and len(readings.time) >= FEWEST:
             yield channel, readings
 
 
-def pairs(readings: Readings, channel: Channel) -> Iterator[tuple[int, int, Indices]]:
+def pairs(readings: ReadingSeries, channel: Channel) -> Iterator[tuple[int, int, Indices]]:
     """Yield robot, other, and the rows of their readings; of robot-to-robot ranges, both directions together."""
     first, second = readings.robot, readings.other
     if channel in ("range", "rssi"):
@@ -263,7 +263,7 @@ def pairs(readings: Readings, channel: Channel) -> Iterator[tuple[int, int, Indi
         yield int(i), int(k), np.flatnonzero((first == i) & (second == k))
 
 
-def take_rows(readings: Readings, rows: Indices | slice) -> Readings:
+def take_rows(readings: ReadingSeries, rows: Indices | slice) -> ReadingSeries:
     """Return some of the readings."""
     return readings._replace(**{name: getattr(readings, name)[rows] for name in ("time", "robot", "other", "values")})
 

@@ -8,7 +8,7 @@ from cooploc.estimators.errors import BadInput
 from cooploc.estimators.models import Unicycle, wrap
 from cooploc.scenarios.recordings import sampling
 from cooploc.scenarios.recordings.sampling import Grid
-from cooploc.scenarios.recordings.team_log import Places, Readings, Series, TeamLog
+from cooploc.scenarios.recordings.team_log import Places, ReadingSeries, Series, TeamLog
 
 NOWHERE = Places((), np.empty((0, 2)))
 
@@ -80,7 +80,7 @@ def test_truth_is_not_invented_across_gaps_and_headings_turn_the_short_way():
 def test_a_reading_is_at_the_tick_nearest_to_its_stamp():
     g = Grid(100.0, 0.1, 5)
     time = np.array([100.04, 100.06, 100.14, 100.16, 100.54, 100.56])
-    readings = Readings(time, np.zeros(6, int), np.ones(6, int), np.arange(6.0)[:, None], "")
+    readings = ReadingSeries(time, np.zeros(6, int), np.ones(6, int), np.arange(6.0)[:, None], "")
     table, counts = sampling.cells(readings, g, 2, 2)
     np.testing.assert_array_equal(table[:, 0, 1, 0], [2, 3, np.nan, np.nan, 4])
     assert np.isnan(table[:, 1]).all()
@@ -91,7 +91,7 @@ def test_ranges_that_go_to_both_are_used_once_each():
     rng = np.random.default_rng(0)
     robot = rng.integers(0, 3, 40)
     other = (robot + rng.integers(1, 3, 40)) % 3
-    before = Readings(np.arange(40.0), robot, other, np.arange(40.0)[:, None], "")
+    before = ReadingSeries(np.arange(40.0), robot, other, np.arange(40.0)[:, None], "")
     after = sampling.alternate_ranges(before)
     np.testing.assert_array_equal(after.values, before.values)
     for a, b in ((0, 1), (0, 2), (1, 2)):

@@ -7,7 +7,7 @@ import cooploc as cl
 from cooploc.scenarios.recordings.inspect.checks import check_recording
 from cooploc.scenarios.recordings.inspect.inspection import count_measurements, series_rows
 from cooploc.scenarios.recordings.inspect.motion import dead_reckoned
-from cooploc.scenarios.recordings.team_log import Places, Readings, Series, TeamLog
+from cooploc.scenarios.recordings.team_log import Places, ReadingSeries, Series, TeamLog
 
 WORLDS = {"camera": 600, "no-compass": 300, "trajectory": 300}  # family -> ticks
 
@@ -28,7 +28,7 @@ def team_log(family, seed, ticks=None):
     for name, values in channels.items():
         if values.size:
             tick, robot, other = np.nonzero(np.isfinite(values[..., 0]))
-            readings[name] = Readings(t[tick], robot, other, values[tick, robot, other], name)
+            readings[name] = ReadingSeries(t[tick], robot, other, values[tick, robot, other], name)
     places = [np.asarray(p, float).reshape(-1, 2) for p in (world.landmarks, world.anchors)]
     landmarks, anchors = (Places(tuple(f"{a}{k}" for k in range(len(p))), p) for a, p in zip("LA", places, strict=True))
     return TeamLog(
