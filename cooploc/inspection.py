@@ -58,7 +58,7 @@ class Inspection:
         """Draw tracks, who measured whom, and what was recorded when; a path gets a PNG."""
         from matplotlib import pyplot
 
-        from cooploc.analysis.plot.recording import recording
+        from cooploc.analysis.plot.worlds import recording
 
         found = self.inspected
         note = " (drawn with the findings corrected)" if found.findings else ""

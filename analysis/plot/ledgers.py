@@ -105,7 +105,17 @@ def readings(found: pd.DataFrame, ax: Axes | None = None) -> Axes:
     axes = [ax] if ax else list(plt.subplots(len(parts), figsize=size, **grid)[1][:, 0])
     for each, part in zip(axes, parts, strict=True):
         _draw_map(each, part, part is levels)
-    _add_map_legend(axes[-1], set(pd.concat(parts)["verdict"]))
+    handles: list[Any] = []
+    for verdict, mark in VERDICTS.items():
+        if verdict in set(pd.concat(parts)["verdict"]):
+            low, high = mark.strip
+            strip, height = [(0, 2 * low - 1), (0, 2 * high - 1)], 4 if 0 < low < high < 1 else 11
+            handles += axes[-1].plot([], [], marker=strip, color=mark.colour, ls="", ms=height, mew=2, label=verdict)
+    handles += axes[-1].plot([], [], marker="|", color=CLAIMED, ls="", ms=10, mew=3, label="claimed")
+    for marker, _, name in TRIANGLES.values():
+        handles += axes[-1].plot([], [], marker, mec="0.4", mfc="0.4", ms=5, label=name)
+    below: Any = {"loc": "outside lower center", "ncols": 3, "frameon": False, "fontsize": 7.5, "handletextpad": 0.3}
+    cast(Any, axes[-1].figure).legend(handles=handles, **below)
     return axes[0]
 
 
@@ -144,20 +154,6 @@ def _draw_map(ax: Axes, part: pd.DataFrame, levels: bool) -> None:
     style.finish(ax, grid="x")
     ax.set_xlabel("RMSE [m]" if levels else "change of the error [%]", fontsize=8)
     ax.spines["left"].set_visible(False)
-
-
-def _add_map_legend(ax: Axes, verdicts: set[str]) -> None:
-    handles: list[Any] = []
-    for verdict, mark in VERDICTS.items():
-        if verdict in verdicts:
-            low, high = mark.strip
-            part, size = [(0, 2 * low - 1), (0, 2 * high - 1)], 4 if 0 < low < high < 1 else 11
-            handles += ax.plot([], [], marker=part, color=mark.colour, ls="", ms=size, mew=2, label=verdict)
-    handles += ax.plot([], [], marker="|", color=CLAIMED, ls="", ms=10, mew=3, label="claimed")
-    for marker, _, name in TRIANGLES.values():
-        handles += ax.plot([], [], marker, mec="0.4", mfc="0.4", ms=5, label=name)
-    figure: Any = ax.figure
-    figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False, fontsize=7.5, handletextpad=0.3)
 
 
 def _wrap(claim: Any, says: Any) -> list[str]:
@@ -228,14 +224,12 @@ def _draw_effects(ax: Axes, part: pd.DataFrame) -> None:
         ax.axhline(unit * number, color=CLAIMED, lw=1.5, ls=style.BROKEN, label="claimed", zorder=0)
     if relative:
         ax.axhline(0, color="0.6", lw=0.8, zorder=0)
-    inside = np.concatenate([value, low, high])
-    inside = inside[np.isfinite(inside)]
+    bottom, top = np.nanmin([low, value]), np.nanmax([high, value])
     if ax.get_yscale() == "log":
-        ax.set_ylim(inside.min() / 1.3, inside.max() * 1.3)
+        ax.set_ylim(bottom / 1.3, top * 1.3)
     else:
         room = 0.35 * (np.ptp(value) or 1.0)
-        bottom, top = max(inside.min(), value.min() - room), min(inside.max(), value.max() + room)
-        ax.set_ylim(bottom - 0.05 * room, top + 0.05 * room)
+        ax.set_ylim(max(bottom, value.min() - room) - 0.05 * room, min(top, value.max() + room) + 0.05 * room)
     as_ratio = " (as a ratio of errors)" * (first["definition"] == "ratio")
     above = f"Claim {first['claim']}: {first['says']}{as_ratio}"
     style.finish(ax, "", QUANTITIES.get(first["kind"], "change [%]"), above, grid="y")

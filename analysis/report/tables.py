@@ -86,19 +86,13 @@ class Table:
         return [[column.text(row) for column in self.columns] for row in self.rows]
 
     def latex(self) -> str:
-        """Return a table with the rules of booktabs; one of more than `LONG` rows runs over pages."""
+        """Return a longtable, which may run over pages, with the rules of booktabs."""
         sides = "".join("r" if column.right else "l" for column in self.columns)
         lines = [[column.head for column in self.columns], *self.texts()]
         head, *body = (" & ".join(map(escape_latex, cells)) + r" \\" for cells in lines)
-        caption = rf"\caption{{{escape_latex(self.caption)}}}"
-        head = rf"\toprule {head} \midrule"
-        if len(self.rows) > LONG:
-            begin, end = rf"\begin{{longtable}}{{@{{}}{sides}@{{}}}}", [r"\end{longtable}"]
-            start = [begin, caption + r" \\", head, r"\endfirsthead", head, r"\endhead", r"\bottomrule", r"\endfoot"]
-        else:
-            start = [r"\begin{table}", r"\centering", caption, rf"\begin{{tabular}}{{@{{}}{sides}@{{}}}}", head]
-            end = [r"\bottomrule", r"\end{tabular}", r"\end{table}"]
-        return "\n".join([*start, *body, *end]) + "\n"
+        start = [rf"\begin{{longtable}}{{@{{}}{sides}@{{}}}}", rf"\caption{{{escape_latex(self.caption)}}} \\"]
+        start += [rf"\toprule {head} \midrule {end}" for end in (r"\endfirsthead", r"\endhead")]
+        return "\n".join([*start, r"\bottomrule \endfoot", *body, r"\end{longtable}"]) + "\n"
 
     def markdown(self) -> str:
         """Return a pipe table, with its caption below."""
@@ -162,7 +156,6 @@ class TerminalTable:
 
 # ------------------------------------------------------------------------------------------------ files
 
-LONG = 40  # rows beyond which a LaTeX table runs over pages
 FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n")  # what a cell begins with that a spreadsheet would compute
 LATEX = {
     "\\": r"\textbackslash{}",

@@ -12,12 +12,9 @@ from made_runs import EVIL, Outline, kept_from, rows_of
 
 from cooploc.analysis.claims.ledger import load
 from cooploc.analysis.claims.trial_table import collect
-from cooploc.analysis.execution.run import execute, prepare
-from cooploc.analysis.execution.run_directory import read_run
 from cooploc.analysis.metrics.compare import compare
 from cooploc.analysis.plot import results, style
 from cooploc.analysis.report import html_page, run_numbers
-from cooploc.scenarios.studies.study import Study
 
 pytestmark = pytest.mark.slow
 SWEEP = {"base": (1.0, 1.0), "good": (0.5, 1.0), "liar": (0.1, 9.0), "omniscient": (0.05, 1.0), "twin": (0.5, 1.0)}
@@ -72,6 +69,13 @@ def test_contents_come_first_then_the_answer_and_a_sweep_is_said_with_intervals(
         "packet-drop/drop=0, good: 2 of the planned trials are missing",
     ):
         assert words in source
+
+
+def test_the_tables_on_disk_hold_the_numbers_of_the_page(written, swept):
+    table = pd.read_csv(written / "tables" / "experiment-one.csv").set_index(["estimator", "scenario"])["rmse"]
+    assert (len(table), set(table.index.levels[0])) == (15, set(SWEEP))
+    mean = swept[swept["estimator"] == "good"].groupby("scenario")["mse"].mean() ** 0.5
+    assert np.allclose(table["good"].sort_index(), mean.sort_index())
 
 
 def test_claims_are_all_marked_where_the_run_touches_one(tmp_path):
@@ -147,25 +151,6 @@ def test_everything_is_escaped_and_the_latex_tables_compile(tmp_path):
         command = ["pdflatex", "-interaction=nonstopmode", "-halt-on-error", text]
         done = subprocess.run(command, cwd=tmp_path / "tables", capture_output=True, text=True)
         assert done.returncode == 0, done.stdout[-2000:]
-
-
-def test_the_tables_on_disk_hold_the_numbers_of_the_page(written, swept):
-    table = pd.read_csv(written / "tables" / "experiment-one.csv")
-    assert (len(table), set(table["estimator"])) == (15, set(SWEEP))
-    mean = swept[swept["estimator"] == "good"].groupby("scenario")["mse"].mean() ** 0.5
-    found = table[table["estimator"] == "good"].set_index("scenario")["rmse"]
-    assert np.allclose(found.sort_index(), mean.sort_index())
-
-
-def test_a_run_directory_is_read_whole(tmp_path):
-    base = {"name": "small", "trials": 3, "baseline": "arl[particles=50]", "scenarios": ("trajectory[ticks=4]",)}
-    for name in ("ekf-local", "ekf-naive"):
-        execute(prepare(Study(**base, estimators=("arl[particles=50]", name))), tmp_path / "run")
-    kept = read_run(tmp_path / "run")
-    assert list(kept.rows["estimator"].unique()) == ["arl[particles=50]", "ekf-local", "ekf-naive"]
-    assert kept.gaps == {}
-    next((tmp_path / "run" / "parts").glob("*ekf-local*")).write_bytes(b"corrupt")
-    assert read_run(tmp_path / "run").gaps == {("trajectory[ticks=4]", "ekf-local"): 3}
 
 
 def test_an_estimator_that_fails_changes_no_rank_and_no_letter_of_the_others():

@@ -58,7 +58,6 @@ def test_latex_and_markdown_are_escaped():
     assert r"a\textbar{}b\_c\textless{}d\textgreater{} & 0.123 & 0.10 to 0.20 \\" in TABLE.latex()
     assert r"\caption{50 \% \& more}" in TABLE.latex()
     assert r"| a\|b\_c&lt;d&gt; | 0.123 | 0.10 to 0.20 |" in TABLE.markdown()
-    assert r"\begin{longtable}" in Table("t", "", (number_column("n"),), [{"n": i} for i in range(60)]).latex()
 
 
 def test_a_terminal_leaves_out_empty_columns_and_folds_and_drops_others_where_it_is_narrow():
