@@ -42,16 +42,6 @@ class State(NamedTuple):
     world: World
 
 
-class Relation(NamedTuple):
-    """A linearised reading between a robot and a sender: y = z - h, own H, the sender's H_j and P_j, noise R."""
-
-    y: Array  # (r, k)
-    H: Array  # (r, k, d)
-    H_j: Array  # (r, k, e)
-    P_j: Array  # (r, e, e)
-    R: Array  # (k, k)
-
-
 @kalman.explain
 @dataclass(frozen=True)
 class EkfCi:
@@ -108,16 +98,23 @@ class EkfCi:
         for pair in kalman.receive(s.world, z, mail, sent.sightings, s.robot):
             x_j, P_j = sent.x[:, pair.sender], sent.P[0][:, pair.sender]
             if self.form == "relative":
-                s = self._intersect(s, Relation(*pair.linearise(s.x, x_j), P_j, pair.sensor.R))
+                s = self._intersect(s, *pair.linearise(s.x, x_j), P_j, pair.sensor.R)
             elif pair.by_sender:
-                s = self._intersect(s, _locate_by_sender(s.x, x_j, P_j, pair))
+                s = self._intersect(s, *_locate_by_sender(s.x, x_j, P_j, pair), EXACT)
         return s
 
-    def _intersect(self, s: State, relation: Relation) -> State:
-        """x' = x + K y,  P' = (I - K H) P/w  with  K = P/w H' (H P/w H' + H_j P_j/(1-w) H_j' + R)^-1."""
-        rows, x, P, (y, H, H_j, P_j, R) = self._within_gate(s, relation)
+    def _intersect(self, s: State, y: Array, H: Array, H_j: Array, P_j: Array, R: Array) -> State:
+        """x' = x + K y,  P' = (I - K H) P/w  with  K = P/w H' (H P/w H' + H_j P_j/(1-w) H_j' + R)^-1.
+
+        By readings y (r, k) with H (r, k, d), the sender's H_j (r, k, e) and P_j (r, e, e), and R (k, k). Gated by the
+        S of independent robots, twice as wide: a true reading passes whatever the correlation.
+        """
+        rows = np.flatnonzero(~(np.isnan(y).any(-1) | np.isnan(P_j).any((-2, -1))))
+        S = H[rows] @ s.P[rows] @ H[rows].mT + H_j[rows] @ P_j[rows] @ H_j[rows].mT + R
+        rows = rows[kalman.distance(y[rows], S) <= 2 * self.gate]
         if rows.size == 0:
             return s
+        x, P, y, H, H_j, P_j = (part[rows] for part in (s.x, s.P, y, H, H_j, P_j))
         scaled = P, H
         if self.lever != 1.0:  # the unit of the state in the criterion
             unit = np.where(np.arange(x.shape[-1]) < 2, 1.0, self.lever)
@@ -130,23 +127,9 @@ class EkfCi:
         x[rows], P[rows] = after
         return s._replace(x=x, P=P)
 
-    def _within_gate(self, s: State, relation: Relation) -> tuple[Indices, Array, Array, Relation]:
-        """Return the rows that use their reading, with their x, P and relation.
 
-        Gated by the S of independent robots, twice as wide: a true reading passes whatever the correlation.
-        """
-        y, H, H_j, P_j, R = relation
-        rows = np.flatnonzero(~(np.isnan(y).any(-1) | np.isnan(P_j).any((-2, -1))))
-        x, P, y, H, H_j, P_j = (part[rows] for part in (s.x, s.P, y, H, H_j, P_j))
-        near = kalman.distance(y, H @ P @ H.mT + H_j @ P_j @ H_j.mT + R) <= 2 * self.gate
-        if not near.all():
-            rows = rows[near]
-            x, P, y, H, H_j, P_j = (part[near] for part in (x, P, y, H, H_j, P_j))
-        return rows, x, P, Relation(y, H, H_j, P_j, R)
-
-
-def _locate_by_sender(x: Array, x_j: Array, P_j: Array, pair: kalman.PairReading) -> Relation:
-    """Return the position that the sender's sighting (range, bearing) gives the robot, with its covariance."""
+def _locate_by_sender(x: Array, x_j: Array, P_j: Array, pair: kalman.PairReading) -> tuple[Array, Array, Array, Array]:
+    """Return y, H, H_j and covariance of the position that the sender's sighting (range, bearing) gives the robot."""
     away, angle = pair.z[:, 0], pair.z[:, 1] + (x_j[:, 2] if x_j.shape[-1] > 2 else 0.0)
     u, v = np.stack([np.cos(angle), np.sin(angle)], -1), np.stack([-np.sin(angle), np.cos(angle)], -1)
     N = np.stack([u, v * away[:, None]], -1)  # d place / d (range, bearing)
@@ -155,4 +138,4 @@ def _locate_by_sender(x: Array, x_j: Array, P_j: Array, pair: kalman.PairReading
         G[:, :, 2] = N[:, :, 1]
     y = x_j[:, :2] + away[:, None] * u - x[:, :2]
     H, one = (np.broadcast_to(np.eye(2, d), (len(y), 2, d)) for d in (x.shape[-1], 2))
-    return Relation(y, H, one, G @ P_j @ G.mT + N @ pair.sensor.R @ N.mT, EXACT)
+    return y, H, one, G @ P_j @ G.mT + N @ pair.sensor.R @ N.mT

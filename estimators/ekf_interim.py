@@ -26,7 +26,7 @@ from cooploc.estimators import kalman
 from cooploc.estimators.compiled import readable
 from cooploc.estimators.interface import HEADER, Array, Belief, Mail, Mask, Rows, Senses, Traffic, World
 from cooploc.estimators.joint_gaussian import block_diagonal, definite, dense, square
-from cooploc.estimators.joint_kernels import RUNAWAY, Decoupled, TeamReading, master, sight_decoupled
+from cooploc.estimators.joint_kernels import RUNAWAY, master, sight_decoupled
 from cooploc.estimators.models import AnchorReading, fixed_readings
 from cooploc.estimators.tunable import tunable
 
@@ -83,7 +83,7 @@ class EkfInterim:
         s = s._replace(x=s.x.copy(), P=s.P.copy(), Pi=s.Pi.copy())  # every reading writes into these
         if seen := kalman.landmarks_alone(self, s.world, z):
             made = np.zeros(s.x.shape[:2])
-            sight_decoupled(Decoupled(s.x, s.P, s.Phi, s.Pi), seen, readable(air.heard), made)
+            sight_decoupled(s[:4], seen, readable(air.heard), made)
             made = made * (s.world.robots > 1)
             sent = Traffic(made, made * (8.0 * (1 + 2 * (1 + 2 * d)) + HEADER))
         for sensor, place, reading in () if seen else fixed_readings(s.world, z, self.anchor_reading):
@@ -109,8 +109,8 @@ class EkfInterim:
         """
         if self.engine == "filterpy":
             return _update_by_filterpy(s, a, y, at, R, heard, self.gate)
-        reading = TeamReading(y.copy(), np.stack(list(at.values()), 1), R)
-        used: Mask = master(Decoupled(s.x, s.P, s.Phi, s.Pi), a, np.array(list(at)), reading, heard.copy(), self.gate)
+        reading = y.copy(), np.stack(list(at.values()), 1), R
+        used: Mask = master(s[:4], a, np.array(list(at)), reading, heard.copy(), self.gate)
         return used
 
 

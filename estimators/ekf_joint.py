@@ -33,19 +33,17 @@ from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses
 from cooploc.estimators.joint_gaussian import (
     block_diagonal,
     dense,
-    distances,
     flat,
-    information,
-    information_mean,
-    information_update,
+    linear_fixed,
+    linear_readings,
     move_blocks,
-    readings_of,
+    solve_mean,
+    solve_together,
     sparse_update,
     square,
-    stack_readings,
 )
-from cooploc.estimators.joint_kernels import Ranging, Readings, count_refused, join_ranges, sight_joint
-from cooploc.estimators.kalman_kernels import Nodes, add_directions, add_ranges, add_scalars
+from cooploc.estimators.joint_kernels import LinearReadings, count_refused, distances, join_ranges, sight_joint
+from cooploc.estimators.kalman_kernels import add_directions, add_ranges, add_scalars
 from cooploc.estimators.models import (
     AnchorReading,
     Bearing,
@@ -131,14 +129,11 @@ class EkfJoint:
     def predict(self, s: State, z: Senses) -> State:
         """P_ij' = F_i P_ij F_j',  P_ii' = F_i P_ii F_i' + Q_i."""
         x, F, Q = self._move_team(s.world, s.x, z)
-        if self.engine == "batched":
-            if not isinstance(s.world.motion, Displacement):
-                return _set_belief(s, x, move_blocks(square(s.P), F, Q))
+        if self.engine == "batched" and isinstance(s.world.motion, Displacement):
             P = s.P.copy()  # F = I
             np.einsum("tiaib->tiab", P)[...] += Q
             return s._replace(x=x, P=P)
-        P = kalman.ENGINES[self.engine].predict(square(s.P), square(block_diagonal(F)), square(block_diagonal(Q)))
-        return _set_belief(s, x, P)
+        return _set_belief(s, x, move_blocks(self.engine, square(s.P), F, Q))
 
     def correct(self, s: State, z: Senses) -> State:
         if self.update == "batch" and (seen := kalman.landmarks_alone(self, s.world, z)):
@@ -150,7 +145,7 @@ class EkfJoint:
                 s = self._update_by_fixed(s, sensor, place, reading)
             elif self.engine == "batched" and isinstance(sensor, GradientDoa):
                 x, P = s.x.copy(), square(s.P.copy())
-                add_directions(x, P, reading[..., 0], _nodes_of(sensor), self.gate)
+                add_directions(x, P, reading[..., 0], *direction_weights(sensor), self.gate)
                 s = _set_belief(s, x, P)
             else:
                 for i in np.flatnonzero(~np.isnan(reading).all((0, 2))).tolist():
@@ -191,7 +186,7 @@ class EkfJoint:
     def _update_by_fixed(self, s: State, sensor: Sensor, place: Array, reading: Array) -> State:
         """Update by every robot's reading (t, n, k) of one fixed thing, linearised and gated before any is used."""
         y, H, _ = kalman.innovation(sensor, s.x, place, reading)
-        readings = readings_of(y[:, :, None], H[:, :, None], np.zeros_like(H)[:, :, None], sensor.R)
+        readings = linear_fixed(y, H, sensor.R)
         d2 = distances(square(s.P), readings)
         use = d2 <= self.gate
         if self.engine == "batched" and np.count_nonzero(sensor.R) == len(sensor.R):  # it is diagonal
@@ -208,12 +203,11 @@ class EkfJoint:
         Each reading is gated alone, against the belief before all of them.
         """
         if self.engine == "batched" and isinstance(sensor, Range):
-            how = Ranging(sensor.R.item(), self.gate, self.second_order, self.iterations)
-            x, P, d2 = s.x.copy(), square(s.P.copy()), np.full(readings.shape[:-1], np.nan)
-            join_ranges(x, P, readings[..., 0], how, d2)
+            x, P = s.x.copy(), square(s.P.copy())
+            d2 = join_ranges(x, P, readings[..., 0], sensor.R.item(), self.gate, self.second_order, self.iterations)
             return _count_distances(_set_belief(s, x, P), d2, self.gate, True)
         shift, extra = np.zeros(1), np.zeros((1, 1))
-        if self.second_order and hasattr(sensor, "curvature"):
+        if self.second_order and isinstance(sensor, Range):
             blocks = s.P[:, :, :2, :, :2].swapaxes(2, 3)  # (t, n, n, 2, 2)
             own = np.einsum("tiiab->tiab", blocks)
             D = own[:, :, None] + own[:, None] - blocks - blocks.swapaxes(1, 2)  # of every difference of two positions
@@ -225,7 +219,7 @@ class EkfJoint:
             if k > 0:
                 back = (at.x - s.x)[..., None]
                 y = y + (H_i @ back[:, :, None] + H_j @ back[:, None])[..., 0]
-            linear = readings_of(y, H_i, H_j, R)
+            linear = linear_readings(y, H_i, H_j, R)
             if k == 0:
                 d2 = distances(square(s.P), linear)
             at = self._add(s, d2 <= self.gate, linear, last=k == self.iterations - 1)
@@ -273,30 +267,23 @@ class EkfJoint:
             at = self._update(s, y, {i: H_i, j: H_j}, sensor.R + extra)
         return at
 
-    def _add(self, s: State, use: Mask, readings: Readings, last: bool = True) -> State:
+    def _add(self, s: State, use: Mask, readings: LinearReadings, last: bool = True) -> State:
         """P' = (P^-1 + H'R^-1 H)^-1,  x' = x + P' H'R^-1 y, over the readings that `use` allows.
 
         Before the `last` iteration P' is not needed.
         """
         P = square(s.P)
-        if self.engine == "batched":
-            eta, Lambda = information(use, readings)
-            if not last:
-                return _set_belief(s, information_mean(flat(s.x), P, eta, Lambda), P)
-            P = information_update(P, Lambda)
-            x = flat(s.x) + (P @ eta[..., None])[..., 0]
-        else:
-            x, P = kalman.ENGINES[self.engine].update(flat(s.x), P, *stack_readings(use, readings), np.inf)
-        return _set_belief(s, x, P)
+        if self.engine == "batched" and not last:
+            return _set_belief(s, flat(s.x) + solve_mean(P, use, readings), P)
+        step, P = solve_together(self.engine, P, use, readings)
+        return _set_belief(s, flat(s.x) + step, P)
 
     def _update(self, s: State, y: Array, at: Mapping[int, Array], R: Array) -> State:
         """Kalman update of the joint state by a reading whose Jacobian is given `at` some robots and 0 elsewhere."""
-        P = square(s.P)
         if self.engine == "batched":
-            x, P, _ = sparse_update(s.x, P, y, at, R, self.gate)
-        else:
-            x, P = kalman.ENGINES[self.engine].update(flat(s.x), P, y, dense(at, s.world.robots), R, self.gate)
-        return _set_belief(s, x, P)
+            return _set_belief(s, *sparse_update(s.x, square(s.P), y, at, R, self.gate))
+        H, update = dense(at, s.world.robots), kalman.ENGINES[self.engine].update
+        return _set_belief(s, *update(flat(s.x), square(s.P), y, H, R, self.gate))
 
 
 def _select_part(sighting: str, world: World, z: Senses) -> tuple[World, Senses]:
@@ -323,5 +310,6 @@ def _count_distances(s: State, d2: Array, gate: float, between: bool) -> State:
 
 
 @lru_cache(maxsize=64)
-def _nodes_of(doa: GradientDoa) -> Nodes:
-    return Nodes(doa.anchors, doa.gradient(np.eye(4)), float(5 * doa.rssi.eta / np.log(10)), doa.R.item())
+def direction_weights(doa: GradientDoa) -> tuple[Array, Array, float, float]:
+    """Return places, weights, slope and variance of a direction of arrival, as `add_directions` takes them."""
+    return doa.anchors, doa.gradient(np.eye(4)), float(5 * doa.rssi.eta / np.log(10)), doa.R.item()

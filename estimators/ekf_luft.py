@@ -20,7 +20,7 @@ import numpy as np
 
 from cooploc.estimators import kalman
 from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses, Traffic, World
-from cooploc.estimators.joint_kernels import LIMIT, Factored, PairUpdate, meet
+from cooploc.estimators.joint_kernels import LIMIT, meet
 from cooploc.estimators.models import AnchorReading
 from cooploc.estimators.tunable import tunable
 
@@ -90,8 +90,8 @@ class EkfLuft:
         """Update robots i and j in place by i's reading of j; return which trials used it (t,)."""
         if self.engine == "filterpy":
             return update_pair(s, i, j, y, H_i, H_j, R, self.gate, kalman.ENGINES["filterpy"].update)
-        reading = (np.ascontiguousarray(part) for part in (y, np.concatenate([H_i, H_j], -1), R))
-        return np.asarray(meet(Factored(s.x, s.P, s.sigma), (i, j), PairUpdate(*reading), self.gate))
+        reading = tuple(map(np.ascontiguousarray, (y, np.concatenate([H_i, H_j], -1), R)))
+        return np.asarray(meet(s.x, s.P, s.sigma, i, j, reading, self.gate))
 
 
 def update_pair(

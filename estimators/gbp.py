@@ -27,7 +27,7 @@ from typing import Any, ClassVar, Literal, NamedTuple, Self
 import numpy as np
 
 from cooploc.estimators.errors import require
-from cooploc.estimators.interface import Array, Belief, Indices, Mail, Mask, Rows, Senses, Sensor, World
+from cooploc.estimators.interface import Array, Belief, Indices, Mail, Mask, Rows, Senses, World
 from cooploc.estimators.kalman import linearise, symmetric
 from cooploc.estimators.kalman_window import READINGS, Window, append_tick, drop_oldest, empty, smooth, times
 from cooploc.estimators.models import RAW, AnchorReading, fixed_readings, gradient_doa, wrap_heading
@@ -88,14 +88,6 @@ class PairFactors(NamedTuple):
         return self.y - times(self.H_j, m - self.seen_at), self.R + self.H_j @ C @ self.H_j.mT
 
 
-def linearise_pair(sensor: Sensor, x: Array, seen: Array, reading: Array, huber: float) -> PairFactors:
-    """Return the factors about own poses x (r, l, d) and teammates' positions `seen` (r, l, n, 2)."""
-    seen_at = np.nan_to_num(seen)
-    y, H, H_j = linearise(sensor, x[:, :, None], seen_at, reading)
-    y, R, (H, H_j) = weigh(np.where(np.isnan(seen[..., :1]), np.nan, y), sensor.R, huber, H, H_j[..., :2])
-    return PairFactors(y, H, H_j, R, seen_at)
-
-
 def weigh(y: Array, R: Array, huber: float, *Hs: Array) -> tuple[Array, Array, list[Array]]:
     """Return y, R / w and H, 0 where there is no reading; w = 2 h/M - h^2/M^2 where M = |y|_R exceeds h = `huber`.
 
@@ -135,7 +127,11 @@ class State(NamedTuple):
     def factors(self, huber: float) -> PairFactors:
         """Return the robot's readings of teammates, as they stand in the last solution."""
         channel = next(c for c in ("sighting", "radio_range", "radio_rssi") if c in self.world.sensors)
-        return linearise_pair(self.world.sensors[channel], self.at, self.seen_at, self.reading, huber)
+        sensor, seen_at = self.world.sensors[channel], np.nan_to_num(self.seen_at)
+        y, H, H_j = linearise(sensor, self.at[:, :, None], seen_at, self.reading)
+        y = np.where(np.isnan(self.seen_at[..., :1]), np.nan, y)
+        y, R, (H, H_j) = weigh(y, sensor.R, huber, H, H_j[..., :2])
+        return PairFactors(y, H, H_j, R, seen_at)
 
     def append_pose(self, own: Window) -> Self:
         """Add a new pose, of which no teammate has said anything."""

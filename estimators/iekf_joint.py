@@ -25,16 +25,13 @@ from cooploc.estimators import kalman
 from cooploc.estimators.interface import Array, Belief, Mail, Rows, Senses, Traffic, World
 from cooploc.estimators.joint_gaussian import (
     block_diagonal,
-    distances,
-    flat,
-    information,
-    information_update,
+    linear_fixed,
+    linear_readings,
     move_blocks,
-    readings_of,
+    solve_together,
     square,
-    stack_readings,
 )
-from cooploc.estimators.joint_kernels import Readings
+from cooploc.estimators.joint_kernels import LinearReadings, distances
 from cooploc.estimators.models import AnchorReading, fixed_readings, wrap_heading
 from cooploc.estimators.tunable import tunable
 
@@ -75,40 +72,27 @@ class IekfJoint:
     def predict(self, s: State, z: Senses) -> State:
         """P_xi' = P_xi + Ad Q Ad', which is P' = F P F' + Q."""
         x, F, Q = kalman.move(s.world.motion, s.x, z)
-        if self.engine == "batched":
-            return s._replace(x=x, P=move_blocks(square(s.P), F, Q).reshape(s.P.shape))
-        P = kalman.ENGINES[self.engine].predict(square(s.P), square(block_diagonal(F)), square(block_diagonal(Q)))
-        return s._replace(x=x, P=P.reshape(s.P.shape))
+        return s._replace(x=x, P=move_blocks(self.engine, square(s.P), F, Q).reshape(s.P.shape))
 
     def correct(self, s: State, z: Senses) -> State:
         for sensor, place, reading in fixed_readings(s.world, z, self.anchor_reading):
             y, H, _ = kalman.innovation(sensor, s.x, place, reading)
-            s = self._update_together(
-                s, readings_of(y[:, :, None], H[:, :, None], np.zeros_like(H)[:, :, None], sensor.R)
-            )
+            s = self._update_together(s, linear_fixed(y, H, sensor.R))
         return s
 
     def exchange(self, s: State, z: Senses, air: Mail) -> tuple[State, Traffic]:
         for sensor, reading in kalman.reading_tables(s.world, z, air):
             y, H_i, H_j = kalman.linearise(sensor, s.x[:, :, None], s.x[:, None], reading)
-            s = self._update_together(s, readings_of(y, H_i, H_j, sensor.R))
+            s = self._update_together(s, linear_readings(y, H_i, H_j, sensor.R))
         return s, kalman.no_traffic(s.x)
 
     def estimate(self, s: State) -> Belief:
         return Belief(wrap_heading(s.x), np.stack([s.P[:, i, :, i] for i in range(s.x.shape[1])], 1))
 
-    def _update_together(self, s: State, readings: Readings) -> State:
+    def _update_together(self, s: State, readings: LinearReadings) -> State:
         """P' = (P^-1 + H'R^-1 H)^-1,  step = P' H'R^-1 y by all readings that the gate allows, then along the group."""
-        P = square(s.P)
-        use = distances(P, readings) <= self.gate
-        if self.engine == "batched":
-            eta, Lambda = information(use, readings)
-            P = information_update(P, Lambda)
-            step = (P @ eta[..., None])[..., 0]
-        else:
-            step, P = kalman.ENGINES[self.engine].update(
-                flat(np.zeros_like(s.x)), P, *stack_readings(use, readings), np.inf
-            )
+        use = distances(square(s.P), readings) <= self.gate
+        step, P = solve_together(self.engine, square(s.P), use, readings)
         return _along_group(s, step.reshape(s.x.shape), P.reshape(s.P.shape))
 
 

@@ -13,8 +13,8 @@ import numpy as np
 
 from cooploc.estimators.compiled import readable
 from cooploc.estimators.interface import Array, Mask
-from cooploc.estimators.joint_kernels import Readings, add_information, fill_distances
-from cooploc.estimators.kalman import distance, present, symmetric
+from cooploc.estimators.joint_kernels import LinearReadings, information
+from cooploc.estimators.kalman import ENGINES, EngineName, distance, present, symmetric
 from cooploc.estimators.kalman_kernels import fill_definite, widen
 
 
@@ -38,19 +38,19 @@ def block_diagonal(blocks: Array) -> Array:
     return P
 
 
-def move_blocks(P: Array, F: Array, Q: Array) -> Array:
+def move_blocks(engine: EngineName, P: Array, F: Array, Q: Array) -> Array:
     """Return F_i P_ij F_j', and Q_i on the diagonal, of P (t, n d, n d) and blocks F and Q (t, n, d, d)."""
+    if engine == "filterpy":
+        return ENGINES[engine].predict(P, square(block_diagonal(F)), square(block_diagonal(Q)))
     out = np.empty(P.shape)
     widen(readable(P), readable(F), readable(Q), out)
     return out
 
 
-def sparse_update(
-    x: Array, P: Array, y: Array, at: Mapping[int, Array], R: Array, gate: float
-) -> tuple[Array, Array, Mask]:
+def sparse_update(x: Array, P: Array, y: Array, at: Mapping[int, Array], R: Array, gate: float) -> tuple[Array, Array]:
     """Return x' = x + K y,  P' = P - K S K',  K = P H' S^-1 by a Jacobian given `at` some robots and 0 elsewhere.
 
-    With S = C C' and L = P H' C'^-1, K S K' = L L', symmetric to the last bit. Also return which trials used it (t,).
+    With S = C C' and L = P H' C'^-1, K S K' = L L', symmetric to the last bit.
     """
     t, n, d = x.shape
     R = np.broadcast_to(R, (*y.shape, y.shape[-1]))
@@ -67,7 +67,7 @@ def sparse_update(
     x = x + (L @ (half @ y[..., None])).reshape(t, n, d)
     for column in range(y.shape[-1]):
         P = P - L[:, :, None, column] * L[:, None, :, column]
-    return x, P, use
+    return x, P
 
 
 def definite(P: Array) -> Mask:
@@ -86,12 +86,17 @@ def dense(at: Mapping[int, Array], robots: int) -> Array:
     return H.reshape(*first.shape[:2], -1)
 
 
-def readings_of(y: Array, H_i: Array, H_j: Array, R: Array) -> Readings:
+def linear_readings(y: Array, H_i: Array, H_j: Array, R: Array) -> LinearReadings:
     """Return linearised readings y (t, n, m, k) with a noise R that broadcasts to (t, n, m, k, k)."""
-    return Readings(y, H_i, H_j, np.ascontiguousarray(np.broadcast_to(R, (*y.shape, y.shape[-1]))))
+    return y, H_i, H_j, np.ascontiguousarray(np.broadcast_to(R, (*y.shape, y.shape[-1])))
 
 
-def stack_readings(use: Mask, readings: Readings) -> tuple[Array, Array, Array]:
+def linear_fixed(y: Array, H: Array, R: Array) -> LinearReadings:
+    """Return every robot's reading y (t, n, k) of one fixed thing as linearised readings with m = 1."""
+    return linear_readings(y[:, :, None], H[:, :, None], np.zeros_like(H)[:, :, None], R)
+
+
+def stack_readings(use: Mask, readings: LinearReadings) -> tuple[Array, Array, Array]:
     """Return all readings as one vector y (t, m), H (t, m, n d), R (t, m, m); H = 0 where `use` excludes them."""
     y, H_i, H_j, R = readings
     t, n, others, k, d = H_i.shape
@@ -109,27 +114,19 @@ def stack_readings(use: Mask, readings: Readings) -> tuple[Array, Array, Array]:
     return y, H.reshape(t, size, n * d), noise.reshape(t, size, size)
 
 
-def distances(P: Array, readings: Readings) -> Array:
-    """Return the squared Mahalanobis distance (t, n, m) of the readings under P (t, n d, n d); nan where absent."""
-    d2 = np.full(readings.y.shape[:-1], np.nan)
-    fill_distances(P, readings, d2)
-    return d2
+def solve_mean(P: Array, use: Mask, readings: LinearReadings) -> Array:
+    """Return the same step (t, n d) alone, by one right-hand side."""
+    eta, Lambda = information(use, readings)
+    return np.asarray(np.linalg.solve(np.eye(P.shape[-1]) + P @ Lambda, P @ eta[..., None]), float)[..., 0]
 
 
-def information(use: Mask, readings: Readings) -> tuple[Array, Array]:
-    """Return H'R^-1 y (t, n d) and H'R^-1 H (t, n d, n d) summed over the readings that `use` (t, n, m) allows."""
-    t, n, _, _, d = readings.H_i.shape
-    eta, Lambda = np.zeros((t, n * d)), np.zeros((t, n * d, n * d))
-    add_information(use, readings, eta, Lambda)
-    return eta, Lambda
+def solve_together(engine: EngineName, P: Array, use: Mask, readings: LinearReadings) -> tuple[Array, Array]:
+    """Return P' H'R^-1 y (t, n d) and P' = (P^-1 + H'R^-1 H)^-1 (t, n d, n d) by the readings that `use` allows.
 
-
-def information_mean(x: Array, P: Array, eta: Array, Lambda: Array) -> Array:
-    """Return x + (P^-1 + Lambda)^-1 eta (t, n d): the mean alone, by one right-hand side."""
-    step = np.asarray(np.linalg.solve(np.eye(P.shape[-1]) + P @ Lambda, P @ eta[..., None]), float)
-    return np.asarray(x + step[..., 0])
-
-
-def information_update(P: Array, Lambda: Array) -> Array:
-    """Return (P^-1 + Lambda)^-1 as (I + P Lambda)^-1 P, which needs no inverse of P; where Lambda is 0 it is P."""
-    return symmetric(np.asarray(np.linalg.solve(np.eye(P.shape[-1]) + P @ Lambda, P), float))
+    As (I + P Lambda)^-1 P, which needs no inverse of P; where Lambda is 0 it is P.
+    """
+    if engine == "filterpy":
+        return ENGINES[engine].update(np.zeros(P.shape[:2]), P, *stack_readings(use, readings), np.inf)
+    eta, Lambda = information(use, readings)
+    P = symmetric(np.asarray(np.linalg.solve(np.eye(P.shape[-1]) + P @ Lambda, P), float))
+    return (P @ eta[..., None])[..., 0], P

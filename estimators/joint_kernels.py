@@ -1,7 +1,5 @@
 """The compiled loops over a whole team: joint covariances, decoupled cross terms, split covariances, factors."""
 
-from typing import NamedTuple
-
 import numpy as np
 
 from cooploc.estimators.compiled import strict_kernel
@@ -11,7 +9,6 @@ from cooploc.estimators.kalman_kernels import (
     absorb_row,
     add_scalars,
     fill_product,
-    fill_square,
     fill_sum,
     is_known,
     is_seen,
@@ -22,31 +19,9 @@ from cooploc.estimators.kalman_kernels import (
 )
 from cooploc.estimators.models import NEAR, TOO_NEAR_TO_RANGE
 
-
-class Readings(NamedTuple):
-    """Linearised readings of robot j by robot i; for fixed things m is 1 instead of n, and H_j is 0."""
-
-    y: Array  # (t, n, m, k)  nan where absent
-    H_i: Array  # (t, n, m, k, d)
-    H_j: Array  # (t, n, m, k, d)
-    R: Array  # (t, n, m, k, k)
-
-
-class Ranging(NamedTuple):
-    """The parameters of an update by all ranges together."""
-
-    variance: float  # [m^2]
-    gate: float  # squared Mahalanobis distance beyond which a range is refused
-    second_order: bool
-    iterations: int
-
-
-class Gated(NamedTuple):
-    """The gate's distance of each range (n, n), and its mean shift and variance by the second order."""
-
-    d2: Array
-    shift: Array  # [m]
-    noise: Array  # [m^2]  with the range's own variance
+# Linearised readings of robot j by robot i; for fixed things m is 1 instead of n, and H_j is 0:
+# y (t, n, m, k), nan where absent; H_i and H_j (t, n, m, k, d); R (t, n, m, k, k).
+LinearReadings = tuple[Array, Array, Array, Array]
 
 
 @strict_kernel
@@ -59,11 +34,12 @@ def two_block_row(H_i: Array, H_j: Array, s: int, i: int, j: int, out: Array) ->
 
 
 @strict_kernel
-def fill_distances(P: Array, readings: Readings, out: Array) -> None:
-    """Write y' S^-1 y of every reading, S = H_i P_ii H_i' + H_i P_ij H_j' + H_j P_ji H_i' + H_j P_jj H_j' + R."""
+def distances(P: Array, readings: LinearReadings) -> Array:
+    """Return y' S^-1 y (t, n, m), nan where absent; S = R + (H_i, H_j) (P_ii, P_ij; P_ji, P_jj) (H_i, H_j)'."""
     y, H_i, H_j, R = readings  # once: in a loop, each look into a tuple of arrays counts a reference
     t, n, others, k, d = H_i.shape
     H, PH, S, e = np.empty((k, 2 * d)), np.empty((2 * d, k)), np.empty((k, k)), np.empty((k, 1))
+    out = np.full((t, n, others), np.nan)
     for s in range(t):
         for i in range(n):
             for j in range(others):
@@ -86,14 +62,19 @@ def fill_distances(P: Array, readings: Readings, out: Array) -> None:
                 out[s, i, j] = 0.0
                 for c in range(k):
                     out[s, i, j] += e[c, 0] ** 2
+    return out
 
 
 @strict_kernel
-def add_information(use: Mask, readings: Readings, eta: Array, Lambda: Array) -> None:
-    """Add the outer products of C^-1 (H_i, H_j, y), R = C C', to the blocks of i and j."""
+def information(use: Mask, readings: LinearReadings) -> tuple[Array, Array]:
+    """Return H'R^-1 y (t, n d) and H'R^-1 H (t, n d, n d) summed over the readings that `use` (t, n, m) allows.
+
+    By outer products of C^-1 (H_i, H_j, y), R = C C', in the blocks of i and j.
+    """
     y, H_i, H_j, R = readings
     t, n, others, k, d = H_i.shape
     B, C, at = np.empty((k, 2 * d + 1)), np.empty((k, k)), np.empty(2 * d, np.int64)
+    eta, Lambda = np.zeros((t, n * d)), np.zeros((t, n * d, n * d))
     for s in range(t):
         for i in range(n):
             for j in range(others):
@@ -111,6 +92,7 @@ def add_information(use: Mask, readings: Readings, eta: Array, Lambda: Array) ->
                             eta[s, at[a]] += B[c, a] * B[c, 2 * d]
                             for m in range(2 * d):
                                 Lambda[s, at[a], at[m]] += B[c, a] * B[c, m]
+    return eta, Lambda
 
 
 @strict_kernel
@@ -121,9 +103,8 @@ def range_of(at: Array, i: int, j: int) -> tuple[float, float, float]:
 
 
 @strict_kernel
-def gate_ranges(x: Array, C: Array, z: Array, how: Ranging, out: Gated) -> None:
-    """Write the squared Mahalanobis distance of every range, and the terms of its second order."""
-    d2, shift, noise = out
+def gate_ranges(x, C, z, variance, second_order, d2, shift, noise):
+    """Write each range's squared Mahalanobis distance, and mean shift [m] and variance [m^2] by the second order."""
     n = len(z)
     d = len(x) // n
     for p in range(n):
@@ -134,29 +115,33 @@ def gate_ranges(x: Array, C: Array, z: Array, how: Ranging, out: Gated) -> None:
                 xx = C[i, i] + C[j, j] - 2 * C[i, j]
                 xy = C[i, i + 1] + C[j, j + 1] - C[i, j + 1] - C[j, i + 1]
                 yy = C[i + 1, i + 1] + C[j + 1, j + 1] - 2 * C[i + 1, j + 1]
-                shift[p, q], noise[p, q] = 0.0, how.variance
-                if how.second_order:
+                shift[p, q], noise[p, q] = 0.0, variance
+                if second_order:
                     far = max(away, TOO_NEAR_TO_RANGE)
                     a, b = (x[j + 1] - x[i + 1]) / far, (x[i] - x[j]) / far
                     across = (a * a * xx + 2 * a * b * xy + b * b * yy) / far
-                    shift[p, q], noise[p, q] = across / 2, how.variance + across**2 / 2
+                    shift[p, q], noise[p, q] = across / 2, variance + across**2 / 2
                 y = z[p, q] - away - shift[p, q]
                 d2[p, q] = y * y / (noise[p, q] + u * u * xx + 2 * u * v * xy + v * v * yy)
 
 
 @strict_kernel
-def join_ranges(x: Array, P: Array, z: Array, how: Ranging, d2: Array) -> None:
-    """x' = x + (P^-1 + H'R^-1 H)^-1 H'R^-1 (y + H (x^ - x)),  P' = (P^-1 + H'R^-1 H)^-1."""
+def join_ranges(x, P, z, variance, gate, second_order, iterations):
+    """x' = x + (P^-1 + H'R^-1 H)^-1 H'R^-1 (y + H (x^ - x)),  P' = (P^-1 + H'R^-1 H)^-1, in place.
+
+    Return the gate's squared Mahalanobis distances (t, n, n), nan where a range is absent.
+    """
     t, n, d = x.shape
+    d2 = np.full((t, n, n), np.nan)
     shift, noise, one = np.empty((n, n)), np.empty((n, n)), np.eye(n * d)
     for s in range(t):
         before, at = x[s].copy().reshape(-1), x[s].copy().reshape(-1)
-        gate_ranges(before, P[s], z[s], how, Gated(d2[s], shift, noise))
-        for k in range(how.iterations):
+        gate_ranges(before, P[s], z[s], variance, second_order, d2[s], shift, noise)
+        for k in range(iterations):
             eta, Lambda = np.zeros(n * d), np.zeros((n * d, n * d))
             for p in range(n):
                 for q in range(n):
-                    if d2[s, p, q] <= how.gate:
+                    if d2[s, p, q] <= gate:
                         i, j = p * d, q * d
                         away, u, v = range_of(at, i, j)
                         y = z[s, p, q] - away - shift[p, q] + u * (at[i] - before[i] - at[j] + before[j])
@@ -171,12 +156,13 @@ def join_ranges(x: Array, P: Array, z: Array, how: Ranging, d2: Array) -> None:
                                 Lambda[i + c, j + b] -= g * f
                                 Lambda[j + c, i + b] -= g * f
             A = one + P[s] @ Lambda
-            if k + 1 < how.iterations:
+            if k + 1 < iterations:
                 at = before + np.linalg.solve(A, P[s] @ eta)
             else:
                 C = np.linalg.solve(A, P[s])
                 P[s] = (C + C.T) / 2
                 x[s] = (before + P[s] @ eta).reshape(n, d)
+    return d2
 
 
 @strict_kernel
@@ -197,23 +183,6 @@ def count_refused(d2, gate, between, forget, share):
 
 
 RUNAWAY = 1e6  # a larger factor Gamma cannot come from covariances in metres; refusing it keeps stale copies finite
-
-
-class Decoupled(NamedTuple):
-    """A team's beliefs with P_ij = Phi_i Pi_ij Phi_j'."""
-
-    x: Array  # (t, n, d)
-    P: Array  # (t, n, d, d)
-    Phi: Array  # (t, n, d, d)
-    Pi: Array  # (t, n, n, d, n, d)  axis 1 is the robot that keeps this copy
-
-
-class TeamReading(NamedTuple):
-    """A linearised reading of some robots."""
-
-    y: Array  # (t, k)  nan where absent
-    H: Array  # (t, m, k, d)  by each of the m robots
-    R: Array  # (k, k)
 
 
 @strict_kernel
@@ -285,7 +254,7 @@ def _fill_gain(Pi, at, B, Gamma):
 @strict_kernel
 def _fill_reduced(P, mine, A, nothing, out):
     """Write P - mine mine', and return whether it is positive definite."""
-    fill_square(mine, A)
+    fill_product(mine, mine.T, A)
     for a in range(len(P)):
         for b in range(len(P)):
             out[a, b] = A[a, b] = P[a, b] - A[a, b]
@@ -306,9 +275,10 @@ def _subtract(Pi, Gamma):
 
 @strict_kernel
 def master(team, a, at, reading, heard, gate):
-    """Update the memory of robot a and of those who `heard` it (t, n) by its reading of the robots `at`.
+    """Update the memory of robot a and of those who `heard` it (t, n) by its reading of the m robots `at`.
 
-    Return which trials used it (t,). With S = C C',
+    `team` has x (t, n, d), P and Phi (t, n, d, d), and every robot's copy of Pi (t, n, n, d, n, d); `reading` has
+    y (t, k), nan where absent, H (t, m, k, d) and R (k, k). Return which trials used it (t,). With S = C C',
 
         Gamma_m = Phi_m^-1 Cov(x_m, reading) C'^-1,  dx_i = Phi_i Gamma_i C^-1 y,  dP_i = Phi_i Gamma_i Gamma_i' Phi_i',
         dPi_jl = Gamma_j Gamma_l'.
@@ -348,11 +318,11 @@ REACH = 8.0  # largest |logit w| that is tried
 
 
 @strict_kernel
-def _log_det(u, A, v, B, C, nothing):
-    """Return ln det (u A + v B), nan where that is not positive definite; C is scratch."""
+def _log_det(u, A, v, B):
+    """Return ln det (u A + v B), nan where that is not positive definite."""
+    C, total = np.empty(A.shape), 0.0
     fill_sum(u, A, v, B, C)
-    whiten(C, nothing)
-    total = 0.0
+    whiten(C, np.empty((len(C), 0)))
     for a in range(len(C)):
         total += 2 * np.log(C[a, a])
     return total
@@ -374,16 +344,10 @@ def _trace(U, S, Rd, td, ti, w, C, B):
 
 
 @strict_kernel
-def _scratch(k, d):
-    """Return scratch of `_least`, allocated once for all rows."""
-    of_reading = np.empty((2, d, k)), np.empty((2, k, k)), np.empty((k, k)), np.empty((k, 2))
-    return *of_reading, np.empty((d, d)), np.empty((d, 0)), np.empty((k, 0))
-
-
-@strict_kernel
-def _least(Pd, Pi, H, Rd, Ri, scratch):
+def _least(Pd, Pi, H, Rd, Ri):
     """Return the weight of one row, and whether it helps."""
-    U, S, C, B, A, nothing, no_columns = scratch
+    k, d = H.shape
+    U, S, C, B = np.empty((2, d, k)), np.empty((2, k, k)), np.empty((k, k)), np.empty((k, 2))
     for part, P in enumerate((Pd, Pi)):
         fill_product(P, H.T, U[part])
         fill_product(H, U[part], S[part])
@@ -399,10 +363,10 @@ def _least(Pd, Pi, H, Rd, Ri, scratch):
             if trace < least:
                 least, best, w = trace, v, u
         middle, reach = best, reach / ((POINTS - 1) / 2)
-    gained = _log_det(1 / (1 - w), Rd, 1.0, Ri, C, no_columns)  # det P' = det P1 det R / det S
+    gained = _log_det(1 / (1 - w), Rd, 1.0, Ri)  # det P' = det P1 det R / det S
     fill_sum(1.0, S[1], 1 / (1 - w), Rd, S[1])
-    gained -= _log_det(1 / w, S[0], 1.0, S[1], C, no_columns)
-    gained += _log_det(1 / w, Pd, 1.0, Pi, A, nothing) - _log_det(1.0, Pd, 1.0, Pi, A, nothing)
+    gained -= _log_det(1 / w, S[0], 1.0, S[1])
+    gained += _log_det(1 / w, Pd, 1.0, Pi) - _log_det(1.0, Pd, 1.0, Pi)
     return w, least < td + ti and gained < 0
 
 
@@ -413,26 +377,20 @@ def least_trace(Pd, Pi, reading, weights):
     tr P' = tr P1 - tr(M S^-1 M') with P1 = Pd / w + Pi, M = (P1 H')_xy and S = H P1 H' + Rd / (1 - w) + Ri.
     """
     y, H, Rd, Ri = reading
-    scratch = _scratch(H.shape[1], H.shape[2])
     for r in range(len(Pd)):
         weights[r] = np.nan
         if is_known(y[r], H[r], Rd[r]) and is_known(y[r], H[r], Ri[r]):
-            w, helps = _least(Pd[r], Pi[r], H[r], Rd[r], Ri[r], scratch)
+            w, helps = _least(Pd[r], Pi[r], H[r], Rd[r], Ri[r])
             if helps:
                 weights[r] = w
 
 
 @strict_kernel
-def _split_scratch(k, d):
-    """Return scratch of `split_row`: P, Pd / w, A (d, d); R, Rd / (1 - w), S (k, k); B (k, d + 1); K (k, d)."""
-    of_state = np.empty((d, d)), np.empty((d, d)), np.empty((d, d))
-    return *of_state, np.empty((k, k)), np.empty((k, k)), np.empty((k, k)), np.empty((k, d + 1)), np.empty((k, d))
-
-
-@strict_kernel
-def split_row(x, Pd, Pi, y, H, Rd, Ri, w, gate, keep, scratch):
+def split_row(x, Pd, Pi, y, H, Rd, Ri, w, gate, keep):
     """Update one row as `EkfSplitCi._update`, in place; return whether it used its reading."""
-    P, wide_d, A, R, wide_R, S, B, K = scratch
+    k, d = H.shape
+    P, wide_d, A = np.empty((d, d)), np.empty((d, d)), np.empty((d, d))
+    R, wide_R, S, B, K = np.empty((k, k)), np.empty((k, k)), np.empty((k, k)), np.empty((k, d + 1)), np.empty((k, d))
     for a in range(len(P)):
         for b in range(len(P)):
             wide_d[a, b] = Pd[a, b] / w
@@ -464,14 +422,12 @@ def update_split(x, Pd, Pi, reading, own, gate, keep, used):
     reading has the weight 1.
     """
     y, H, Rd, Ri = reading
-    k, d = H.shape[1], H.shape[2]
-    search, scratch = _scratch(k, d), _split_scratch(k, d)
     for r in range(len(x)):
         used[r] = False
         if is_known(y[r], H[r], Rd[r]) and is_known(y[r], H[r], Ri[r]):
-            w, helps = (1.0, True) if own else _least(Pd[r], Pi[r], H[r], Rd[r], Ri[r], search)
+            w, helps = (1.0, True) if own else _least(Pd[r], Pi[r], H[r], Rd[r], Ri[r])
             if helps:
-                used[r] = split_row(x[r], Pd[r], Pi[r], y[r], H[r], Rd[r], Ri[r], w, gate, keep, scratch)
+                used[r] = split_row(x[r], Pd[r], Pi[r], y[r], H[r], Rd[r], Ri[r], w, gate, keep)
 
 
 @strict_kernel
@@ -479,32 +435,16 @@ def sight_split(x, Pd, Pi, seen):
     """Update as `EkfSplitCi.correct`, in place by sightings: x (r, d), Pd and Pi (r, d, d)."""
     places, z, R, gate = seen
     k, d = 2, x.shape[1]
-    scratch, y, H, nothing = _split_scratch(k, d), np.empty(k), np.empty((k, d)), np.zeros((k, k))
+    y, H, nothing = np.empty(k), np.empty((k, d)), np.zeros((k, k))
     for r in range(len(x)):
         for m in range(len(places)):
             if is_seen(z, r, m):
                 linearise_row(SIGHTING, 0.0, 0.0, x[r], places[m], z[r, m], y, H)
                 if is_known(y, H, R):
-                    split_row(x[r], Pd[r], Pi[r], y, H, nothing, R, 1.0, gate, True, scratch)
+                    split_row(x[r], Pd[r], Pi[r], y, H, nothing, R, 1.0, gate, True)
 
 
 LIMIT = 1 - 1e-9  # largest correlation of any two combinations of two robots' states
-
-
-class Factored(NamedTuple):
-    """A team's beliefs with P_ij = sigma_ij sigma_ji'."""
-
-    x: Array  # (t, n, d)
-    P: Array  # (t, n, d, d)
-    sigma: Array  # (t, n, n, d, d)  axis 1 is the robot that keeps it; the diagonal is not used
-
-
-class PairUpdate(NamedTuple):
-    """A linearised reading between two robots."""
-
-    y: Array  # (t, k)  nan where absent
-    H: Array  # (t, k, 2 d)
-    R: Array  # (k, k)
 
 
 @strict_kernel
@@ -537,13 +477,17 @@ def carry(x: Array, P: Array, sigma: Array, step: Array, P1: Array) -> None:
 
 
 @strict_kernel
-def meet(team: Factored, pair: tuple[int, int], reading: PairUpdate, gate: float) -> Mask:
-    """Update a pair of robots together in place; return which trials used the reading (t,)."""
-    (t, _, d), (i, j), (x, P, sigma) = team.x.shape, pair, team
+def meet(x, P, sigma, i, j, reading, gate):
+    """Update robots i and j together in place; return which trials used the reading (t,).
+
+    x (t, n, d), P (t, n, d, d), sigma (t, n, n, d, d) with P_ij = sigma_ij sigma_ji'; reading y (t, k), H (t, k, 2 d),
+    R (k, k).
+    """
+    t, _, d = x.shape
     used = np.zeros(t, np.bool_)
     J, one = np.empty((2 * d, 2 * d)), np.eye(2 * d)
     for s in range(t):
-        y, H, R = reading.y[s], reading.H[s], reading.R
+        y, H, R = reading[0][s], reading[1][s], reading[2]
         if np.isnan(y).any() or np.isnan(H).any():
             continue
         J[:d, :d], J[d:, d:] = P[s, i], P[s, j]
@@ -569,7 +513,7 @@ def sight_joint(x, P, refused, seen, forget):
     t, n, d = x.shape
     k, variances = 2, np.array([R[0, 0], R[1, 1]])
     y, H, nothing = np.empty((t, n, k)), np.empty((t, n, k, d)), np.zeros((t, n, 1, k, d))
-    noise, d2, use = np.empty((t, n, 1, k, k)), np.empty((t, n, 1)), np.empty((t, n), np.bool_)
+    noise, use = np.empty((t, n, 1, k, k)), np.empty((t, n), np.bool_)
     for s in range(t):
         for i in range(n):
             fill_sum(1.0, R, 0.0, R, noise[s, i, 0])
@@ -582,8 +526,7 @@ def sight_joint(x, P, refused, seen, forget):
         for s in range(t):
             for i in range(n):
                 linearise_row(SIGHTING, 0.0, 0.0, x[s, i], places[m], z[s * n + i, m], y[s, i], H[s, i])
-                d2[s, i, 0] = np.nan
-        fill_distances(P, Readings(y.reshape(t, n, 1, k), H.reshape(t, n, 1, k, d), nothing, noise), d2)
+        d2 = distances(P, (y.reshape(t, n, 1, k), H.reshape(t, n, 1, k, d), nothing, noise))
         for s in range(t):
             for i in range(n):
                 use[s, i] = d2[s, i, 0] <= gate
@@ -595,8 +538,8 @@ def sight_joint(x, P, refused, seen, forget):
 def sight_decoupled(team, seen, heard, used):
     """Make the masters' updates of `EkfInterim.exchange` in place, and count each robot's in `used` (t, n)."""
     places, z, R, gate = seen
-    x = team.x
-    (t, n, d), k = x.shape, 2
+    x, k = team[0], 2
+    t, n, d = x.shape
     y, H, hears, at = np.empty((t, k)), np.empty((t, 1, k, d)), np.empty((t, n), np.bool_), np.empty(1, np.int64)
     for m in range(len(places)):
         for a in range(n):
@@ -610,6 +553,6 @@ def sight_decoupled(team, seen, heard, used):
                 linearise_row(SIGHTING, 0.0, 0.0, x[s, a], places[m], z[s * n + a, m], y[s], H[s, 0])
                 for i in range(n):
                     hears[s, i] = heard[s, i, a]
-            took = master(team, a, at, TeamReading(y, H, R), hears, gate)
+            took = master(team, a, at, (y, H, R), hears, gate)
             for s in range(t):
                 used[s, a] += took[s]

@@ -29,7 +29,7 @@ from cooploc.estimators.interface import (
     Traffic,
     World,
 )
-from cooploc.estimators.kalman_kernels import Sightings
+from cooploc.estimators.kalman_kernels import LandmarkSightings
 from cooploc.estimators.models import (
     LEAST,
     MOST,
@@ -307,14 +307,14 @@ def correct_ekf(p: Any, world: World, x: Array, P: Array, z: Senses) -> tuple[Ar
     return x, P
 
 
-def landmarks_alone(p: Any, world: World, z: Senses) -> Sightings | None:
+def landmarks_alone(p: Any, world: World, z: Senses) -> LandmarkSightings | None:
     """Return a tick's sightings of landmarks for a compiled loop, where nothing else is used of fixed things."""
     camera = world.sensors.get("landmark")
     if p.engine != "batched" or p.anchor_reading == "none" or type(camera) is not Sighting:
         return None
     if "anchor_rssi" in world.sensors or "anchor_range" in world.sensors:
         return None
-    return Sightings(world.landmarks, readable(z.landmark).reshape(-1, *z.landmark.shape[-2:]), camera.R, p.gate)
+    return world.landmarks, readable(z.landmark).reshape(-1, *z.landmark.shape[-2:]), camera.R, p.gate
 
 
 # The same two steps, and the estimate, for a state with fields x (..., d), P (..., d, d) and world.
@@ -445,9 +445,7 @@ def linearise(sensor: Sensor, x_i: Array, x_j: Array, reading: Array) -> tuple[A
 
 def curvature(sensor: Sensor, x_i: Array, x_j: Array, D: Array) -> tuple[Array, Array]:
     """Return a range's second-order mean shift (..., k) and variance (..., k, k); x_i - x_j has D (..., 2, 2)."""
-    if isinstance(sensor, Range):
-        return sensor.curvature(x_i, x_j[..., :2], D)
-    return np.zeros(1), np.zeros((1, 1))
+    return sensor.curvature(x_i, x_j[..., :2], D) if isinstance(sensor, Range) else (np.zeros(1), np.zeros((1, 1)))
 
 
 # The steps of the filters that broadcast one belief a tick. They differ in `combine(x, P, y, H, N)`: x', P' by a

@@ -5,8 +5,6 @@ has thousands of ticks. Each kernel does for a row what a function in `kalman.py
 rows at once; a row's bits depend on nothing but the row.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 
 from cooploc.estimators.compiled import strict_kernel
@@ -103,17 +101,6 @@ def fill_product(A, B, out):
             out[a, b] = 0.0
             for c in range(len(B)):
                 out[a, b] += A[a, c] * B[c, b]
-
-
-@strict_kernel
-def fill_square(A, out):
-    """Write A A'."""
-    for a in range(len(A)):
-        for b in range(a + 1):
-            total = 0.0
-            for c in range(A.shape[1]):
-                total += A[a, c] * A[b, c]
-            out[a, b] = out[b, a] = total
 
 
 @strict_kernel
@@ -265,13 +252,9 @@ def relate(kind, A, slope, x, q, z, y, H):
         linearise_row(kind, A, slope, x[r], q[r if len(q) > 1 else 0], z[r], y[r], H[r])
 
 
-class Sightings(NamedTuple):
-    """A tick's sightings of landmarks by rows of robots."""
-
-    places: Array  # (l, 2) [m]
-    z: Array  # (r, l, 2)  range [m], bearing [rad]; nan where absent
-    R: Array  # (2, 2)
-    gate: float  # squared Mahalanobis distance beyond which one is refused
+# A tick's sightings of landmarks by rows of robots: places (l, 2) [m]; ranges [m] and bearings [rad] (r, l, 2), nan
+# where absent; R (2, 2); the gate, a squared Mahalanobis distance.
+LandmarkSightings = tuple[Array, Array, Array, float]
 
 
 @strict_kernel
@@ -296,15 +279,6 @@ def sight(x, P, places, z, R, gate):
 
 # Updates of a team's joint Gaussian by one scalar reading after the other, trial by trial. Only the lower triangle of P
 # is written, and copied to the upper one at the end of a trial.
-
-
-class Nodes(NamedTuple):
-    """The anchors and weights that make a direction of arrival."""
-
-    places: Array  # (q, 2) [m]
-    W: Array  # (q, 2)  weight of each node's reading in the gradient [1/m]
-    c: float  # dB per ln d^2
-    variance: float  # [rad^2]
 
 
 @strict_kernel
@@ -355,9 +329,11 @@ def add_ranges(x: Array, P: Array, z: Array, variance: float, gate: float) -> No
 
 
 @strict_kernel
-def add_directions(x: Array, P: Array, z: Array, nodes: Nodes, gate: float) -> None:
-    """Absorb each direction in turn: y = z - angle of g = -c W' ln |x_i - q|^2,  H = (g_x dg_y - g_y dg_x) / |g|^2."""
-    places, W, c, variance = nodes
+def add_directions(x, P, z, places, W, c, variance, gate):
+    """Absorb each direction in turn: y = z - angle of g = -c W' ln |x_i - q|^2,  H = (g_x dg_y - g_y dg_x) / |g|^2.
+
+    Of anchors at places (q, 2) [m], whose readings weigh W (q, 2) [1/m] in the gradient g; c in dB per ln d^2.
+    """
     t, n, d = x.shape
     PH, g, dg = np.empty(n * d), np.empty(2), np.empty((2, 2))  # dg: axis 1 is the position
     for s in range(t):

@@ -110,7 +110,7 @@ def test_compiled_updates_are_the_numpy_ones_and_a_row_depends_on_no_other(d, k,
 def test_a_team_is_moved_block_by_block_as_by_one_matrix():
     rng = np.random.default_rng(3)
     P, F, Q = covariances(rng, 6, d=12), rng.normal(size=(6, 4, 3, 3)), covariances(rng, 24, d=3).reshape(6, 4, 3, 3)
-    found = move_blocks(P, F, Q)
+    found = move_blocks("batched", P, F, Q)
     assert_near(found, predict(P, square(block_diagonal(F)), square(block_diagonal(Q))))
     np.testing.assert_array_equal(found, found.mT)
 
