@@ -87,11 +87,11 @@ class ChannelPf:
         shared.require_limits(self)
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
-        r, n = len(prior.x), world.robots
-        own = shared.init(self, prior, world, rows)
-        return State(
-            own, _empty_channels(prior, world), Belief(np.zeros((r, 2)), np.zeros((r, 2, 2))), np.zeros((r, n, 5))
-        )
+        r, n, own = len(prior.x), world.robots, shared.init(self, prior, world, rows)
+        vague = (VAGUE * np.max(world.arena[1] - world.arena[0])) ** 2 * np.eye(4)
+        x = np.tile(prior.x[:, None, :2], (1, n, 2))
+        channel = Belief(x, np.tile(vague, (r, n, 1, 1)))
+        return State(own, channel, Belief(np.zeros((r, 2)), np.zeros((r, 2, 2))), np.zeros((r, n, 5)))
 
     def predict(self, s: State, z: Senses) -> State:
         """Move the particles; x' = x + u, P' = P + Q for the own half of each channel."""
@@ -124,7 +124,10 @@ class ChannelPf:
         if not len(i):
             return s._replace(own=shared.resample_and_estimate(self, s.own))
         packets = mail.packets[i, j]
-        before, mine = _move_senders(s, packets, i, j), Belief(belief.x[i], belief.P[i])
+        before, mine = Belief(s.channel.x[i, j], s.channel.P[i, j]), Belief(belief.x[i], belief.P[i])
+        now, then = unpack(packets[:, 5:]), unpack(s.heard[i, j])
+        before.x[:, 2:] += now[0] - then[0]  # the sender has moved since its last packet
+        before.P[:, 2:, 2:] += now[1] - then[1]
         after, gain = _exchange_packets(sensor, before, mine, Belief(*unpack(packets[:, :5])), readings[i, j])
         own = shared.resample_and_estimate(self, s.own._replace(logw=_weigh(s.own, belief.x, gain, i)))
         if not self.subtract:
@@ -137,23 +140,6 @@ class ChannelPf:
         return s.own.belief
 
 
-def _empty_channels(prior: Belief, world: World) -> Belief:
-    """Return channels over which nothing was said."""
-    vague = (VAGUE * np.max(world.arena[1] - world.arena[0])) ** 2 * np.eye(4)
-    shape = len(prior.x), world.robots
-    x = np.concatenate([prior.x[:, :2], prior.x[:, :2]], -1)
-    return Belief(np.broadcast_to(x[:, None], (*shape, 4)).copy(), np.broadcast_to(vague, (*shape, 4, 4)).copy())
-
-
-def _move_senders(s: State, packets: Array, i: Indices, j: Indices) -> Belief:
-    """Return channels (k, 4) whose other half has moved as the sender's odometry says, since its last packet."""
-    x, P = s.channel.x[i, j], s.channel.P[i, j]
-    now, then = unpack(packets[:, 5:]), unpack(s.heard[i, j])
-    x[:, 2:] += now[0] - then[0]
-    P[:, 2:, 2:] += now[1] - then[1]
-    return Belief(x, P)
-
-
 def _exchange_packets(
     sensor: Sensor, common: Belief, mine: Belief, theirs: Belief, z: Array
 ) -> tuple[Belief, LinkInformation]:
@@ -161,10 +147,12 @@ def _exchange_packets(
     about = mine.x[:, :2]
     i_know = news(Belief(about, mine.P[:, :2, :2]), Belief(common.x[:, :2], common.P[:, :2, :2]))
     they_know = news(theirs, Belief(common.x[:, 2:], common.P[:, 2:, 2:]))
-    before = join(common, i_know, they_know._replace(eta=0 * they_know.eta, Y=0 * they_know.Y))
+    before = join(common, i_know, LinkInformation(0 * they_know.eta, 0 * they_know.Y))
     both = join(common, i_know, they_know)
     after = Belief(*kalman(*both, *_linearise(sensor, both, mine, z)))
-    return after, information_gain(after, before, about)
+    Y1, Y0 = np.linalg.inv(after.P[:, :2, :2]), np.linalg.inv(before.P[:, :2, :2])
+    eta = Y1 @ (after.x[:, :2] - about)[..., None] - Y0 @ (before.x[:, :2] - about)[..., None]
+    return after, LinkInformation(eta[..., 0], symmetric(Y1 - Y0))
 
 
 def _linearise(sensor: Sensor, both: Belief, mine: Belief, z: Array) -> tuple[Array, Array, Array]:
@@ -201,7 +189,10 @@ def definite(P: Array) -> Mask:
 
 def news(belief: Belief, common: Belief) -> LinkInformation:
     """Return Bel / C_i, about the mean of C_i, in the directions in which the belief knows more; zero in the others."""
-    L = _root(common.P)
+    a = np.sqrt(common.P[:, 0, 0])
+    b = common.P[:, 1, 0] / a
+    c = np.sqrt(np.maximum(common.P[:, 1, 1] - b * b, 1e-12 * common.P[:, 1, 1]))  # also where rounding made P singular
+    L = np.stack([np.stack([a, 0 * a], -1), np.stack([b, c], -1)], -2)  # L L' = P
     whitened = np.asarray(L.mT @ np.linalg.solve(belief.P, L), float)
     gain, V = np.linalg.eigh(symmetric(whitened))  # 1 where nothing is new
     T = np.linalg.solve(L.mT, V)
@@ -209,14 +200,6 @@ def news(belief: Belief, common: Belief) -> LinkInformation:
     more = gain > 1
     eta, Y = np.where(more, eta[..., 0], 0.0), np.where(more, gain - 1, 0.0)
     return LinkInformation((T @ eta[..., None])[..., 0], symmetric((T * Y[:, None]) @ T.mT))
-
-
-def _root(P: Array) -> Array:
-    """Return the lower triangular L with L L' = P (k, 2, 2); regular also where rounding has made P singular."""
-    a = np.sqrt(P[:, 0, 0])
-    b = P[:, 1, 0] / a
-    c = np.sqrt(np.maximum(P[:, 1, 1] - b * b, 1e-12 * P[:, 1, 1]))
-    return np.stack([np.stack([a, 0 * a], -1), np.stack([b, c], -1)], -2)
 
 
 def join(common: Belief, mine: LinkInformation, theirs: LinkInformation) -> Belief:
@@ -227,11 +210,3 @@ def join(common: Belief, mine: LinkInformation, theirs: LinkInformation) -> Beli
     P = symmetric(np.asarray(np.linalg.inv(symmetric(Y)), float))
     eta = np.concatenate([mine.eta, theirs.eta], -1)
     return Belief(common.x + (P @ eta[..., None])[..., 0], P)
-
-
-def information_gain(after: Belief, before: Belief, about: Array) -> LinkInformation:
-    """Return the quotient of the first robot's marginals, about the points (k, 2)."""
-    x1, Y1 = after.x[:, :2], np.linalg.inv(after.P[:, :2, :2])
-    x0, Y0 = before.x[:, :2], np.linalg.inv(before.P[:, :2, :2])
-    eta = Y1 @ (x1 - about)[..., None] - Y0 @ (x0 - about)[..., None]
-    return LinkInformation(eta[..., 0], symmetric(Y1 - Y0))

@@ -15,15 +15,12 @@ from numba.extending import overload
 from numpy.polynomial import Chebyshev, Polynomial
 from numpy.typing import NDArray
 
-from cooploc.estimators.interface import Array
-
 Scalar = TypeVar("Scalar", bound=np.generic)
 
 STRICT: dict[str, Any] = {"error_model": "numpy"}  # every operation as written: nan and infinity keep their meaning
 # Not the full fastmath: it deletes tests for nan. In such a loop a square is written x * x: numba compiles a power once
 # in a process, as the first function wants it that has one, and bits would depend on which that is.
 FAST: dict[str, Any] = {**STRICT, "fastmath": {"reassoc", "nsz", "arcp", "contract", "afn"}}
-KEPT: dict[str, Any] = {"cache": True, "no_cfunc_wrapper": True}
 INSIDE: dict[str, Any] = {"forceinline": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
 # A function inside a loop: inlined, because a call would keep the loop from being vectorised. Kernels alone call it.
@@ -33,15 +30,8 @@ intrinsic: Any = untyped_intrinsic
 
 # A kernel that is kept on disk is compiled again when one of these changes: they hold what kernels call. numba by
 # itself looks at the kernel's own file only.
-SHARED = (
-    "compiled",
-    "random_numbers",
-    "models",
-    "covariance_intersection",
-    "joint_kernels",
-    "kalman_kernels",
-    "particle_kernels",
-)
+KERNELS = "joint_kernels", "kalman_kernels", "particle_kernels"
+SHARED = "compiled", "random_numbers", "models", "covariance_intersection", *KERNELS
 SOURCES = [(Path(__file__).parent / f"{name}.py").read_bytes() for name in SHARED]
 
 
@@ -57,7 +47,7 @@ def strict_kernel(function: Callable[..., Any]) -> Any:
 
 def _cache_on_disk(function: Callable[..., Any], options: dict[str, Any]) -> Any:
     """Compile and cache; of two processes that need a kernel, the second waits for the first and finds it on disk."""
-    compiled = numba.njit(**KEPT, **options)(function)
+    compiled = numba.njit(cache=True, no_cfunc_wrapper=True, **options)(function)
     file, compile_now = Path(function.__code__.co_filename), compiled.compile
     compiled._cache._cache_file._source_stamp = hashlib.sha256(b"".join([*SOURCES, file.read_bytes()])).hexdigest()
     lock = cache_directory(compiled) / f"{file.stem}.{function.__name__}.lock"
@@ -119,11 +109,6 @@ class Format(NamedTuple):
     mantissa: int  # bits
     bias: int  # of the exponent
 
-    @property
-    def one(self) -> int:
-        """Return the bits of 1."""
-        return self.bias << self.mantissa
-
     def bits(self, x: float) -> int:
         """Return the bits of a constant."""
         return int(np.array(x, self.real).view(self.word))
@@ -142,8 +127,7 @@ def by_format(make: Callable[[Format], Callable[..., Any]]) -> Any:
     def choose(*arguments: Any) -> Any:
         raise NotImplementedError("this function is called by compiled loops only")
 
-    options: Any = {"forceinline": True, **FAST}
-    overload(choose, strict=False, jit_options=options)(lambda *kinds: versions.get(kinds[0]))
+    overload(choose, strict=False, jit_options={"forceinline": True, **FAST})(lambda *kinds: versions.get(kinds[0]))
     return choose
 
 
@@ -176,11 +160,6 @@ def is_single(context: Any, x: Any) -> Any:
     return types.boolean(x), lambda target, builder, *_: target.get_constant(types.boolean, x == types.float32)
 
 
-def odd(function: Callable[[Array], Array]) -> Callable[[Array], Array]:
-    """f(x) / x as a function of x^2."""
-    return lambda square: function(np.sqrt(square)) / np.sqrt(square)
-
-
 def polynomial(f: Format, function: Any, degrees: tuple[int, int], span: tuple[float, float], shift: float = 0) -> Any:
     """Return a polynomial close to `function` on a span, plus `shift`: pairs of terms, by Horner's rule in x^2.
 
@@ -204,15 +183,16 @@ def polynomial(f: Format, function: Any, degrees: tuple[int, int], span: tuple[f
 
 
 # Logarithm, exponential, sine and arctangent as polynomials without branches, so that LLVM can vectorise their loops;
-# numba calls the C library once per number. Arguments are assumed finite: a nan gives any number in `log`, and stays
-# nan in `exp`. tests/estimators/test_elementary_functions.py checks the error that every function states.
+# numba calls the C library once per number. Errors are those in double and in single precision. Arguments are assumed
+# finite: a nan gives any number in `log`, and stays nan in `exp`.
 
 LN2 = float(np.log(2.0))
 COMPACT = 1 / 4  # how far a compact cloud reaches from the middle of its squared distances, as a share of that
 EIGHTH = float(np.tan(np.pi / 8))
 
 
-def _log(f):
+def make_log(f):
+    """ln x of normal x > 0, x = 2^e (1 + t), 1 + t in [sqrt(1/2), sqrt(2)); error below 3e-13 or 2e-7."""
     series = polynomial(f, lambda t: np.log1p(t) / t, (14, 7), (0.5**0.5 - 1, 2**0.5 - 1))
     sqrt_half, mantissa, word, real, one, ln2 = f.bits(0.5**0.5), f.mantissa, f.word, f.real, f.real(1), f.real(LN2)
 
@@ -225,11 +205,16 @@ def _log(f):
     return log
 
 
-def _ln(f):
+log = by_format(make_log)
+
+
+@by_format
+def ln(f):
+    """ln x in fewer steps; error below 5e-13, or as of `log`, of 1 + |ln x|."""
     if f is SINGLE:
-        return _log(f)  # whose error vanishes at 1, where variances are
+        return make_log(f)  # whose error vanishes at 1, where variances are
     series = polynomial(f, lambda t: np.log(1.5 + t), (15, 0), (-0.5, 0.5), -f.bias * LN2)
-    fraction, one, mantissa = (1 << f.mantissa) - 1, f.one, f.mantissa
+    fraction, one, mantissa = (1 << f.mantissa) - 1, f.bits(1.0), f.mantissa
 
     def ln(x):
         b = bits(x)
@@ -239,12 +224,16 @@ def _ln(f):
     return ln
 
 
-def _log1p_compact(f):
+@by_format
+def log1p_compact(f):
+    """ln (1 + t) for |t| <= COMPACT; error below 5e-13 or 1e-7."""
     series = polynomial(f, np.log1p, (12, 7), (-COMPACT, COMPACT))
     return lambda t: series(t)
 
 
-def _exp(f):
+@by_format
+def exp(f):
+    """e^x, 0 below -708 or -87; relative error below 1e-12 or 2e-7 of 1 + |x|."""
     series = polynomial(f, np.exp, (10, 5), (-LN2 / 2, LN2 / 2))
     rounder = 1.5 * 2.0**f.mantissa  # a number this large has no fraction: adding it rounds
     lowest, rounded, ln2, inverse = f.real(-708.0 if f.bias > 127 else -87.0), f.bits(rounder), f.real(LN2), 1 / LN2
@@ -257,9 +246,11 @@ def _exp(f):
     return exp
 
 
-def _quarter(f):
+@by_format
+def quarter(f):
+    """cos r and sin r for |r| <= pi/4; errors below 1e-13 or 2e-7."""
     square = 0.0, (np.pi / 4) ** 2
-    sine = polynomial(f, odd(np.sin), (5, 3), square)
+    sine = polynomial(f, lambda s: np.sin(np.sqrt(s)) / np.sqrt(s), (5, 3), square)
     cosine = polynomial(f, lambda s: np.cos(np.sqrt(s)), (6, 3), square)
 
     def quarter(r):
@@ -269,8 +260,10 @@ def _quarter(f):
     return quarter
 
 
-def _arc(f):
-    series = polynomial(f, odd(np.arctan), (9, 4), (0.0, EIGHTH**2))
+@by_format
+def arc(f):
+    """|arctan2(y, x)| in [0, pi], 0 at the origin; error below 1e-12 or 1e-6."""
+    series = polynomial(f, lambda s: np.arctan(np.sqrt(s)) / np.sqrt(s), (9, 4), (0.0, EIGHTH**2))
     numbers = np.pi, np.pi / 2, np.pi / 4, EIGHTH, 0, 1e-30 if f is SINGLE else 1e-300
     pi, half, quarter, eighth, zero, least = map(f.real, numbers)
 
@@ -284,15 +277,6 @@ def _arc(f):
         return pi - angle if x < zero else angle
 
     return arc
-
-
-# In double and in single precision:
-log = by_format(_log)  # ln x of normal x > 0, x = 2^e (1 + t), 1 + t in [sqrt(1/2), sqrt(2)); error below 3e-13 or 2e-7
-ln = by_format(_ln)  # the same in fewer steps; error below 5e-13, or as of `log`, of 1 + |ln x|
-log1p_compact = by_format(_log1p_compact)  # ln (1 + t) for |t| <= COMPACT, error below 5e-13 or 1e-7
-exp = by_format(_exp)  # e^x, 0 below -708 or -87; relative error below 1e-12 or 2e-7 of 1 + |x|
-quarter = by_format(_quarter)  # cos r and sin r for |r| <= pi/4, errors below 1e-13 or 2e-7
-arc = by_format(_arc)  # |arctan2(y, x)| in [0, pi], 0 at the origin; error below 1e-12 or 1e-6
 
 
 @inlined

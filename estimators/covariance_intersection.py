@@ -18,7 +18,7 @@ intersection", IROS 2013.
 """
 
 import logging
-from typing import Literal, NamedTuple, get_args
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -29,10 +29,6 @@ from cooploc.estimators.kalman import symmetric
 
 Criterion = Literal["det", "trace"]
 Solver = Literal["cvxpy", "exact"]
-
-Terms = tuple[
-    Array, Array, Array, bool, int
-]  # B, C, sigma of `_whiten`; whether the trace is minimised; of which block
 
 LEAST = 1e-6  # the least weight of one's own belief, so that P / w stays a number to compute with
 TRUSTED = 3e-7  # the excess up to which cvxpy's weights are taken: a determinant is then within 1e-6 up to d = 3
@@ -61,26 +57,11 @@ def solve_relative(
     """Find the best w of (1) for own P_i (K, d, d), received P_j (K, e, e), H_i (K, k, d), H_j (K, k, e), R (k, k).
 
     w is in [LEAST, 1]. It is 1, which leaves the belief as it is, where anything is nan, where the sender knows nothing
-    (every variance infinite), and where the reading cannot help.
-
-    Args:
-        P_i, P_j, H_i, H_j, R: the two covariances, and the linearised reading with the covariance of its noise.
-        criterion: what is minimised.
-        solver: "exact" takes every fusion by itself; "cvxpy" stacks fusions into one cone program.
-        block: the criterion is about so many leading states: by default the position, because the trace of a whole pose
-            adds m^2 to rad^2. A heading is safe only in a criterion that counts it.
-        groups: (K,) fusions that cvxpy may stack, those with the same number; None: all may. Stacked fusions change
-            one another in the last bits.
-
-    Raises:
-        BadInput: there is no such criterion or solver, or a covariance is none; says which.
-
+    (every variance infinite), and where the reading cannot help. The criterion is about so many leading states as
+    `block` says: the position, because the trace of a whole pose adds m^2 to rad^2; a heading is safe only in a
+    criterion that counts it. "cvxpy" may stack the fusions of one group (K,), which change one another in the last
+    bits. BadInput says which covariance is none.
     """
-    for what, name, known in (("criterion", criterion, Criterion), ("solver", solver, Solver)):
-        if name not in get_args(known):
-            raise BadInput(
-                f"there is no {what} {name!r} of covariance intersection; known are {', '.join(get_args(known))}"
-            )
     P_i, P_j = np.array(P_i, float, order="C"), np.array(P_j, float, order="C")
     R = spread_out(np.asarray(R, float), (len(P_i), H_i.shape[1], H_i.shape[1]))
     solution = Solution(np.ones(len(P_i)), np.zeros(len(P_i), bool))
@@ -96,14 +77,23 @@ def solve_relative(
     scalar = ~H[..., 2:].any((1, 2)) if one_number else np.zeros(len(rows), bool)
     _scalar_weights(readable(P), readable(H), readable(U), readable(R), criterion == "trace", scalar, w)
     if solver == "cvxpy" or not scalar.all():
-        z = *_whiten(P, H, U, R, block, rows), criterion == "trace", block
-        _search_weights(*z, scalar, w, (0,) * P.shape[-1])
+        z, axes = (*_whiten(P, H, U, R, block, rows), criterion == "trace", block), (0,) * P.shape[-1]
+        _search_weights(*z, scalar, w, axes)
     if solver == "cvxpy":
+        from cooploc.estimators import covariance_intersection_cvxpy
+
+        def value(w: Array) -> Array:
+            values = np.empty(len(w))
+            _fill_values(*z, w, values, axes)
+            return values
+
         group = np.zeros(len(rows), np.int64) if groups is None else np.asarray(groups)[rows]
-        w, failed = _by_cvxpy(z, w, group)
-        solution.fallback[rows] = failed
+        found = np.maximum(covariance_intersection_cvxpy.solve(*z, group), LEAST)
+        found[(value(np.ones_like(w)) <= value(found)) & np.isfinite(found)] = 1.0  # cvxpy only comes near 1
+        failed = solution.fallback[rows] = ~(value(found) / value(w) - 1 <= TRUSTED)
         if failed.any():
             log.warning("cvxpy failed on fusions %s; the exact weights are used there", rows[failed].tolist())
+        w = np.where(failed, w, found)
     solution.w[rows] = w
     return solution
 
@@ -130,11 +120,8 @@ def _whiten(P: Array, H: Array, U: Array, R: Array, block: int, fusion: Indices)
     by entry: n = v / (sigma + (1 - sigma) v) with v = 1 - w. With the terms A, h_1 h_1', ... as A_k = V_k' V_k, the
     coordinates are B_k = T A_k T', T = F^-1, F F' = sum mix_k A_k. The determinant of the fused covariance changes by a
     constant factor, its trace becomes tr(C Y^-1) with C = T T' and Y = sum n_k B_k. F is upper triangular, so that the
-    leading (position) block of Y^-1 stays that of the fused covariance.
-
-    Returns:
-        B (K, 1 + k, d, d), one's own information and k terms of rank one; C (K, d, d), of trace 1; sigma (K, k).
-
+    leading (position) block of Y^-1 stays that of the fused covariance. Returns B (K, 1 + k, d, d), C (K, d, d) of
+    trace 1, and sigma (K, k).
     """
     (own, own_kind), (L, kind) = _roots(P), _roots(U + R)
     _require(own_kind == FINE, "P_i", fusion)
@@ -151,23 +138,6 @@ def _whiten(P: Array, H: Array, U: Array, R: Array, block: int, fusion: Indices)
     _fill_whitened(V, mix, block, B, C, kind, (0,) * P.shape[-1])
     _require(kind == FINE, "the information", fusion)
     return B, C, sigma
-
-
-def _by_cvxpy(z: Terms, exact: Array, groups: Indices) -> tuple[Array, Mask]:
-    """Return cvxpy's weights where they are as good as the exact ones, else those, and where that is."""
-    from cooploc.estimators import covariance_intersection_cvxpy
-
-    B, C, sigma, trace, block = z
-
-    def value(w: Array) -> Array:
-        values = np.empty(len(w))
-        _fill_values(*z, w, values, (0,) * B.shape[-1])
-        return values
-
-    w = np.maximum(covariance_intersection_cvxpy.solve(B, C, sigma, trace, block, groups), LEAST)
-    w[(value(np.ones_like(w)) <= value(w)) & np.isfinite(w)] = 1.0  # cvxpy only comes near 1
-    failed = ~(value(w) / value(exact) - 1 <= TRUSTED)
-    return np.where(failed, exact, w), failed
 
 
 # Compiled loops over small matrices. All matrices of one fusion lie in one array M (slots, d, d) and are named by their
@@ -454,23 +424,6 @@ STEPS = 100  # never needed: 11 were the most where variances lay ten decades ap
 
 
 @inlined
-def _start_root(q, rho, b, c, rest):
-    """Return a v above the root: the lesser of those that e >= q and r >= v leave of the equation."""
-    r = rest / (b * q + np.sqrt((b * q) * (b * q) + c * rest))
-    half = q * (rho + b)
-    v = rest / (half + np.sqrt(half * half + (rho * rho + 2 * b * rho + c) * rest))
-    return min(min(r / (1 + r), v), 1 - LEAST)
-
-
-@inlined
-def _left_side(q, rho, b, c, v):
-    """Return e^2 + 2 b r e + c r^2, and its slope in v."""
-    w = 1 - v
-    r, e = v / w, q + rho * v
-    return e * e + r * (2 * b * e + c * r), 2 * (rho * (e + b * r) + (b * e + c * r) / (w * w))
-
-
-@inlined
 def weight_equation(xx, xy, yy, ux, uy, q, R, trace):
     """Return q, rho, b, c and the level; the level is 0 where the reading says nothing."""
     gx, gy = xx * ux + xy * uy, xy * ux + yy * uy
@@ -486,13 +439,19 @@ def weight_equation(xx, xy, yy, ux, uy, q, R, trace):
 
 @inlined
 def weight_root(q, rho, b, c, level):
-    """Return v in [0, 1 - LEAST]."""
+    """Return v in [0, 1 - LEAST], from the lesser of those that e >= q and r >= v leave of the equation."""
     rest = level - q * q
     if not rest > 0.0:
         return 0.0
-    v = _start_root(q, rho, b, c, rest)
+    r = rest / (b * q + np.sqrt((b * q) * (b * q) + c * rest))
+    half = q * (rho + b)
+    v = rest / (half + np.sqrt(half * half + (rho * rho + 2 * b * rho + c) * rest))
+    v = min(min(r / (1 + r), v), 1 - LEAST)
     for _ in range(STEPS):
-        left, slope = _left_side(q, rho, b, c, v)
+        w = 1 - v
+        r, e = v / w, q + rho * v
+        left = e * e + r * (2 * b * e + c * r)
+        slope = 2 * (rho * (e + b * r) + (b * e + c * r) / (w * w))
         step = (left - level) / slope
         if not step > 0.0:
             break

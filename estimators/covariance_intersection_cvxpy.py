@@ -7,7 +7,7 @@ each unit vector. After that other parameters cost a product with a sparse matri
 Source of DPP: A. Agrawal et al., "Differentiable convex optimization layers", NeurIPS 2019.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable
 from contextlib import suppress
 from functools import cache, lru_cache
 from typing import Any, NamedTuple
@@ -33,42 +33,26 @@ class Canonical(NamedTuple):
         both = (self.slope @ theta.T).T + self.fixed
         return both[:, : len(self.rows)], both[:, len(self.rows) :]
 
-    def stack(self, K: int) -> "Stack":
-        """Return the sum of K such problems, one after the other, without their numbers."""
-        n, b = len(self.q), len(self.fixed) - len(self.rows)
-        copy = np.arange(K)[:, None]
-        starts = np.append(self.starts[:-1] + copy * len(self.rows), K * len(self.rows))
-        pattern = np.zeros(K * len(self.rows)), (self.rows + b * copy).ravel(), starts
-        nothing = csc_array((K * n, K * n))
-        return Stack(np.tile(self.q, K), nothing, csc_array(pattern, shape=(K * b, K * n)), self.cones * K)
-
-
-class Stack(NamedTuple):
-    """K problems as one."""
-
-    q: Array  # (K n,)
-    P: Any  # (K n, K n)  sparse: the quadratic objective that Clarabel asks for; zero
-    A: Any  # (K l, K n)  sparse
-    cones: list[Any]
-
-    def solve(self, A: Array, b: Array) -> Array:
-        """Return the solver's x (K, n) for the numbers A (K, nonzeros) and b (K, l)."""
+    def stack(self, K: int) -> Callable[[Array, Array], Array]:
+        """Return a function that solves K such problems as one: x (K, n) for A (K, nonzeros) and b (K, l)."""
         import clarabel
 
-        self.A.data = A.ravel()
-        solver = clarabel.DefaultSolver(self.P, self.q, self.A, b.ravel(), self.cones, _settings())
-        return np.reshape(solver.solve().x, (len(A), -1))
+        settings = clarabel.DefaultSettings()
+        settings.verbose = False
+        settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-10
+        settings.iterative_refinement_enable = False  # a third of the time, and as accurate in these coordinates
+        n, height = len(self.q), len(self.fixed) - len(self.rows)
+        copy, q, cones = np.arange(K)[:, None], np.tile(self.q, K), self.cones * K
+        starts = np.append(self.starts[:-1] + copy * len(self.rows), K * len(self.rows))
+        pattern = np.zeros(K * len(self.rows)), (self.rows + height * copy).ravel(), starts
+        P, whole = csc_array((K * n, K * n)), csc_array(pattern, shape=(K * height, K * n))
 
+        def solve(A: Array, b: Array) -> Array:
+            whole.data = A.ravel()
+            found = clarabel.DefaultSolver(P, q, whole, b.ravel(), cones, settings).solve()
+            return np.reshape(found.x, (K, n))
 
-@lru_cache
-def _settings() -> Any:
-    import clarabel
-
-    settings = clarabel.DefaultSettings()
-    settings.verbose = False
-    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-10
-    settings.iterative_refinement_enable = False  # a third of the time, and no more accurate in these coordinates
-    return settings
+        return solve
 
 
 def canonical(problem: Any, theta: Any) -> Canonical:
@@ -110,51 +94,36 @@ STACK = 128  # fusions in one program, at most: the time of each grows slowly wi
 
 
 def solve(B: Array, C: Array, sigma: Array, trace: bool, block: int, groups: Indices) -> Array:
-    """Return one's own weights (K,), for the caller to check; nan where there are none.
-
-    Args:
-        B: one's own information, and k terms of rank one (K, 1 + k, d, d), in the whitened coordinates.
-        C: weighs the trace (K, d, d).
-        sigma: of each of the k terms (K, k).
-        trace: the trace is minimised, else the determinant.
-        block: the leading states that the criterion is about.
-        groups: fusions of one group (K,) may be stacked.
-
-    """
+    """Return one's own weights (K,) for `_whiten`'s B, C, sigma, to be checked by the caller; nan where none."""
     d, k, own, others = B.shape[-1], sigma.shape[1], B[:, :1], B[:, 1:]
     terms = np.concatenate([own, others.sum(1, keepdims=True), (1 - sigma)[..., None, None] * others], 1)
     if d == block == 2:
-        program, most, theta = _cone_program(k), STACK, _cone_numbers(terms, C if trace else np.zeros_like(C), trace)
+        C11, C12, C22 = C[:, 0, 0] * trace, C[:, 0, 1] * trace, C[:, 1, 1] * trace
+        gamma = np.sqrt(np.maximum(C11 * C22 - C12**2, 0.0)) if trace else np.ones(len(C))
+        theta = terms[..., 0, 0], terms[..., 0, 1], terms[..., 1, 1], C11, C12, C22, gamma
+        program, most = _cone_program(k), STACK
     else:
-        program, most, theta = _matrix_program(k, d, block, trace), 1, _matrix_numbers(terms, C, block, trace)
+        triangles = (terms * (1 - np.eye(d) / 2))[(..., *np.triu_indices(d))].reshape(len(B), -1)
+        scale, axes = np.linalg.eigh(C[:, :block, :block])
+        F = (axes * np.sqrt(np.maximum(scale, 0.0))[:, None]).reshape(len(B), -1)
+        program, most, theta = _matrix_program(k, d, block, trace), 1, (triangles, F) if trace else (triangles,)
     A, b = program.numbers(np.column_stack([*theta, sigma, np.sqrt(sigma)]))
     x, stack_of = np.full((len(B), len(program.q)), np.nan), cache(program.stack)
     order = np.lexsort((*sigma.T, *C.T.reshape(-1, len(C)), *B.T.reshape(-1, len(B)), groups))
-    for rows in _stacks(order, groups, most):
-        with suppress(Exception):  # a solver may raise anything; the exact weights are used then
-            x[rows] = stack_of(len(rows)).solve(A[rows], b[rows])
+    for group in np.split(order, np.flatnonzero(np.diff(groups[order])) + 1):
+        for rows in (group[i : i + most] for i in range(0, len(group), most)):
+            with suppress(Exception):  # a solver may raise anything; the exact weights are used then
+                x[rows] = stack_of(len(rows))(A[rows], b[rows])
     with np.errstate(divide="ignore", invalid="ignore"):  # a failed solver's x may be anything
         w: Array = x[:, 0] / (x[:, 0] + x[:, 1])
     return np.clip(w, 0.0, 1.0)
 
 
-def _stacks(order: Indices, groups: Indices, most: int) -> Iterator[Indices]:
-    """Yield the fusions of one program after another: of one group, at most so many."""
-    for group in np.split(order, np.flatnonzero(np.diff(groups[order])) + 1):
-        yield from (group[i : i + most] for i in range(0, len(group), most))
-
-
-def _cone_numbers(B: Array, C: Array, trace: bool) -> tuple[Array, ...]:
-    """Return the parameters of `_cone_program`: B_11 of each term, B_12, B_22, C_11, C_12, C_22, gamma."""
-    C11, C12, C22 = C[:, 0, 0], C[:, 0, 1], C[:, 1, 1]
-    gamma = np.sqrt(np.maximum(C11 * C22 - C12**2, 0.0)) if trace else np.ones(len(C))
-    return B[..., 0, 0], B[..., 0, 1], B[..., 1, 1], C11, C12, C22, gamma
-
-
 @lru_cache
 def _cone_program(k: int) -> Canonical:
-    """Return the second-order cone program for a reading of k numbers; d = 2."""
-    cp = _cvxpy()
+    """Return the program for a reading of k numbers, d = 2; theta is B_11, B_12, B_22 of each term, C's, and gamma."""
+    import cvxpy as cp  # late, because it takes a second
+
     m = 2 + k
     theta = cp.Parameter(3 * m + 4 + 2 * k)
     c, constraints = _shares(k, theta[3 * m + 4 :])
@@ -163,19 +132,14 @@ def _cone_program(k: int) -> Canonical:
     return canonical(cp.Problem(cp.Minimize(cp.sum(c[:2])), constraints), theta)
 
 
-def _matrix_numbers(B: Array, C: Array, block: int, trace: bool) -> tuple[Array, ...]:
-    """Return the parameters of `_matrix_program`: B's upper triangles less half their diagonals, and a root of C."""
-    K, d = len(B), B.shape[-1]
-    triangles = (B * (1 - np.eye(d) / 2))[(..., *np.triu_indices(d))].reshape(K, -1)
-    scale, axes = np.linalg.eigh(C[:, :block, :block])
-    F = (axes * np.sqrt(np.maximum(scale, 0.0))[:, None]).reshape(K, -1)
-    return (triangles, F) if trace else (triangles,)
-
-
 @lru_cache
 def _matrix_program(k: int, d: int, block: int, trace: bool) -> Canonical:
-    """Return the program of any dimension. X is Y, or a block of it with the other states marginalised out."""
-    cp = _cvxpy()
+    """Return the program of any dimension; theta is B's upper triangles less half their diagonals, and a root of C.
+
+    X is Y, or a block of it with the other states marginalised out.
+    """
+    import cvxpy as cp
+
     m, entries = 2 + k, d * (d + 1) // 2
     size = m * entries + trace * block**2
     theta = cp.Parameter(size + 2 * k)
@@ -196,7 +160,8 @@ def _matrix_program(k: int, d: int, block: int, trace: bool) -> Canonical:
 
 def _shares(k: int, ratios: Any) -> tuple[Any, list[Any]]:
     """Return the variables c = (w, v, h_1 .. h_k) and their cones; `ratios` (2 k,) are sigma and its root."""
-    cp = _cvxpy()
+    import cvxpy as cp
+
     c = cp.Variable(2 + k)
     constraints = [c >= 0]
     for i in range(k):
@@ -204,10 +169,3 @@ def _shares(k: int, ratios: Any) -> tuple[Any, list[Any]]:
         x, y = c[0] - h, c[1] - sigma * h
         constraints.append(cp.SOC(x + y, cp.hstack([2 * root * h, x - y])))
     return c, constraints
-
-
-def _cvxpy() -> Any:
-    """Import cvxpy late, because it takes a second; its atoms are not visible to type checkers."""
-    import cvxpy
-
-    return cvxpy

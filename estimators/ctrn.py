@@ -10,7 +10,6 @@ form of covariance intersection, L. C. Carrillo-Arce et al., "Decentralized mult
 covariance intersection", IROS 2013.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal, NamedTuple
 
@@ -66,41 +65,11 @@ class State(NamedTuple):
     sample: FusionSample  # exact fusions that cvxpy solves again for the notes
 
 
-class HeardReading(NamedTuple):
-    """A reading of one sender, and the belief that the sender transmitted."""
-
-    sensor: Sensor
-    sender: int
-    z: Array  # (r, 1)  nan where nothing was heard
-    x_j: Array  # (r, 2)  the sender's position
-    P_j: Array  # (r, 2, 2)  its covariance
-
-
-def readings(s: State, z: Senses, mail: Mail) -> Iterator[HeardReading]:
-    """Yield the readings of all senders, one after the other."""
-    for sensor, sender, reading in s.own.world.relative(z, mail):
-        yield HeardReading(sensor, sender, reading, *unpack(mail.packets[:, sender]))
-
-
-# A random share of the exact fusions is recorded, and solved again by cvxpy: how far do the two weights differ?
-
-
 def draw_sample(p: "Ctrn", s: State, readings: Array) -> Mask:
-    """Draw the fusions (r, n) of this tick to record, by key, tick and sender, where readings (r, n) are not nan."""
+    """Draw the fusions (r, n) of this tick that cvxpy solves again for the notes; none where readings are nan."""
     u = random_numbers.uniforms(s.own.key, s.own.tick, random_numbers.AUDIT, readings.shape[1])[..., 0]
     drawn: Mask = (u < p.audit) & ~np.isnan(readings)
     return drawn
-
-
-def weight_differences(p: "Ctrn", s: State) -> dict[str, Array]:
-    """Solve the recorded fusions again by cvxpy, a trial's together: their number, and the largest difference."""
-    row, w, P, P_j, H, H_j, R = s.sample
-    trial = s.solver_group[row] // s.own.world.robots
-    again = solve_relative(P, P_j, H, H_j, R, p.criterion, "cvxpy", groups=trial).w
-    largest = np.zeros(len(s.solver_group))
-    np.maximum.at(largest, row, np.abs(again - w))
-    solved = np.bincount(row, minlength=len(largest)).astype(float)
-    return {"solved again by cvxpy": solved, "largest difference of a weight": largest}
 
 
 # The compiled loop of `fusion="moments"`, each row by itself, as `step_by_step` states it: linearise at the belief so
@@ -114,17 +83,8 @@ def chain(
 ) -> tuple[Belief, Array, FusionSample] | None:
     """Intersect beliefs with one sender after the other; return them, the fusions (r,), and a sample of these.
 
-    Args:
-        belief: x (r, d), P (r, d, d).
-        sensor: a Range or a LogDistance.
-        packets: x, y, P_xx, P_xy, P_yy of each sender (r, n, 5), nan where nothing was heard.
-        readings: (r, n) [m] or [dBm].
-        criterion: "trace" or "det" of the position's covariance.
-        recorded: which fusions (r, n) the sample is to hold.
-
-    Returns:
-        None where a packet is not a covariance: `solve_relative` says which.
-
+    Packets are x, y, P_xx, P_xy, P_yy of each sender (r, n, 5); readings (r, n) are in m or dBm, nan where nothing was
+    heard; the sample is to hold the fusions `recorded` (r, n). None where a packet is not a covariance.
     """
     d = belief.x.shape[-1]
     after, fusions = Belief(belief.x.copy(), belief.P.copy()), np.zeros(len(belief.x))
@@ -230,12 +190,18 @@ def _chain(links, model, trace, belief, fusions, sample, axes):
     return used
 
 
-def intersect(p: "Ctrn", s: State, belief: Belief, reading: HeardReading, at: Array) -> tuple[Belief, Array, State]:
+Reading = tuple[Sensor, int, Array]  # sensor, sender and reading (r, 1), as of `World.relative`
+
+
+def intersect(
+    p: "Ctrn", s: State, belief: Belief, reading: Reading, packets: Array, at: Array
+) -> tuple[Belief, Array, State]:
     """Return the belief after one reading, linearised at `at`, the weight w (r,), and the state with fusions counted.
 
     x' = x + K y,  P' = (I - K H) P/w  with  K = P/w H' (H P/w H' + H_j P_j/(1-w) H_j' + R)^-1;  w = 1: unchanged.
     """
-    sensor, sender, z, x_j, P_j = reading
+    sensor, sender, z = reading
+    x_j, P_j = unpack(packets[:, sender])
     y, H, H_j = sensor.innovation(at, x_j, z)
     y = y + (H @ (at - belief.x)[..., None])[..., 0]
     use = np.flatnonzero(~np.isnan(y).any(-1) & ~np.isnan(P_j).any((-2, -1)) & invertible(belief.P))
@@ -276,23 +242,17 @@ def silence_singular(packets: Array) -> Array:
 def fuse_by_message(p: "Ctrn", s: State, z: Senses, mail: Mail) -> State:
     """Add (w - 1) log p(x_i) + log N(y(x_i); 0, R + J P_j J' / (1 - w)) to log w_i, one sender after the other."""
     x, logw = s.own.x, s.own.logw
-    for reading in readings(s, z, mail):
-        belief = summary(x, logw)
-        _, w, s = intersect(p, s, belief, reading, belief.x)
-        y, _, J = reading.sensor.innovation(x, reading.x_j[:, None], reading.z[:, None])
+    for sensor, sender, reading in s.own.world.relative(z, mail):
+        belief, (x_j, P_j) = summary(x, logw), unpack(mail.packets[:, sender])
+        _, w, s = intersect(p, s, belief, (sensor, sender, reading), mail.packets, belief.x)
+        y, _, J = sensor.innovation(x, x_j[:, None], reading[:, None])
         J, rest = J[..., 0, :], np.where(w < 1, 1 - w, np.nan)[:, None]
-        v = reading.sensor.R[0, 0] + ((J @ reading.P_j) * J).sum(-1) / rest
+        v = sensor.R[0, 0] + ((J @ P_j) * J).sum(-1) / rest
         P = np.where((w < 1)[:, None, None], belief.P, np.eye(x.shape[-1]))  # a collapsed one is not inverted
-        flat = (w - 1)[:, None] * log_density(x, belief._replace(P=P))
+        e = offset(x, belief.x)
+        flat = (w - 1)[:, None] * (-0.5 * (e * np.linalg.solve(P[:, None], e[..., None])[..., 0]).sum(-1))
         logw = np.where(w[:, None] < 1, logw + flat + log_normal(y[..., 0], v), logw)
     return s._replace(own=s.own._replace(logw=logw))
-
-
-def log_density(x: Array, belief: Belief) -> Array:
-    """Return log N(x; belief) of particles (r, N, d) up to a constant."""
-    e = offset(x, belief.x)
-    d2: Array = (e * np.linalg.solve(belief.P[:, None], e[..., None])[..., 0]).sum(-1)
-    return -0.5 * d2
 
 
 # fusion="moments": the particles' Gaussian and the sender's are inflated to P_i/w and P_j/(1-w), the reading updates
@@ -300,29 +260,27 @@ def log_density(x: Array, belief: Belief) -> Array:
 
 
 def fuse_by_moments(p: "Ctrn", s: State, z: Senses, mail: Mail) -> State:
-    """Fuse with one sender after the other, then move the particles to the mean and covariance that result."""
-    before = shared.belief_to_send(s.own)
-    after, s = all_senders(p, s, before, z, mail)
-    return s._replace(own=s.own._replace(x=follow(s.own.x, before, after)))
+    """Fuse with one sender after the other, then move the particles to the mean and covariance that result.
 
-
-def all_senders(p: "Ctrn", s: State, before: Belief, z: Senses, mail: Mail) -> tuple[Belief, State]:
-    """Fuse with all senders: by the compiled loop where there is one for the sensor, else step by step."""
-    sensor = s.own.world.sensors[f"radio_{p.reading}"]
+    This is the compiled loop's where there is one for the sensor, else step by step.
+    """
+    before, sensor, done = shared.belief_to_send(s.own), s.own.world.sensors[f"radio_{p.reading}"], None
     if p.weights == "exact" and type(sensor) in (LogDistance, Range):
         z_j = getattr(mail, p.reading)
         done = chain(before, sensor, mail.packets, z_j, p.criterion, draw_sample(p, s, z_j))
-        if done is not None:
-            after, fusions, sample = done
-            return after, s._replace(sample=s.sample.join(sample), fusions=s.fusions + fusions)
-    return step_by_step(p, s, before, z, mail)
+    if done is None:
+        after, s = step_by_step(p, s, before, z, mail)
+    else:
+        after, fusions, sample = done
+        s = s._replace(sample=s.sample.join(sample), fusions=s.fusions + fusions)
+    return s._replace(own=s.own._replace(x=follow(s.own.x, before, after)))
 
 
 def step_by_step(p: "Ctrn", s: State, before: Belief, z: Senses, mail: Mail) -> tuple[Belief, State]:
     """Fuse with one sender after the other, each linearised at the belief that the last one left."""
     after = before
-    for reading in readings(s, z, mail):
-        after, _, s = intersect(p, s, after, reading, after.x)
+    for reading in s.own.world.relative(z, mail):
+        after, _, s = intersect(p, s, after, reading, mail.packets, after.x)
     return after, s
 
 
@@ -369,24 +327,17 @@ def _follow(x, moved, m0, P0, m1, P1, out):
 VAGUE = 10.0  # sides of the arena: the standard deviation of a belief that knows nothing yet
 
 
-def predict_received(s: State, z: Senses, before: Array) -> State:
-    """x' = x + (f(m, u) - m), P' = P + Q for every sender, with m (r, d) the robot's estimate before it moved."""
-    after, _, Q = s.own.world.motion.move(before, z.odometry, z.dt)
-    step = (after - before)[:, None, :2]
-    return s._replace(received=Belief(s.received.x + step, s.received.P + Q[:, None, :2, :2]))
-
-
 def fuse_received(p: "Ctrn", s: State, z: Senses, mail: Mail) -> State:
     """Intersect the Gaussian of a sender's earlier packets with its new one, linearised at the robot's own belief."""
     at = summary(s.own.x, s.own.logw).x[:, :2]
     x, P = s.received.x.copy(), s.received.P.copy()
     arena = s.own.world.arena
     vague = (VAGUE * np.max(arena[1] - arena[0])) ** 2 * np.eye(2)
-    for reading in readings(s, z, mail):
-        j = reading.sender
+    for reading in s.own.world.relative(z, mail):
+        _, j, _ = reading
         first = np.isnan(x[:, j])
         before = Belief(np.where(first, at, x[:, j]), np.where(first[..., None], vague, P[:, j]))
-        after, w, s = intersect(p, s, before, reading, at)
+        after, w, s = intersect(p, s, before, reading, mail.packets, at)
         unused = first & (w == 1)[:, None]
         x[:, j] = np.where(unused, np.nan, after.x)
         P[:, j] = np.where(unused[..., None], np.nan, after.P)
@@ -466,8 +417,13 @@ class Ctrn:
         return State(own, group, nothing, prior, np.zeros(r), np.zeros(r), empty_sample(0, d))
 
     def predict(self, s: State, z: Senses) -> State:
-        s, before = s._replace(own=shared.predict(self, s.own, z)), s.own.belief.x
-        return predict_received(s, z, before) if self.fusion == "received" else s
+        """Move the particles; of senders' packets x' = x + (f(m, u) - m), P' = P + Q, m (r, d) the last estimate."""
+        before, s = s.own.belief.x, s._replace(own=shared.predict(self, s.own, z))
+        if self.fusion != "received":
+            return s
+        after, _, Q = s.own.world.motion.move(before, z.odometry, z.dt)
+        step = (after - before)[:, None, :2]
+        return s._replace(received=Belief(s.received.x + step, s.received.P + Q[:, None, :2, :2]))
 
     def correct(self, s: State, z: Senses) -> State:
         return s._replace(own=shared.correct(self, s.own, z))
@@ -488,4 +444,12 @@ class Ctrn:
     def notes(self, s: State) -> dict[str, Array]:
         """Count the fusions, and compare the exact weights with cvxpy's where both were computed."""
         notes = {"fusions": s.fusions, "fallbacks": s.fallbacks}
-        return notes | weight_differences(self, s) if self.weights == "exact" else notes
+        if self.weights == "cvxpy":
+            return notes
+        row, w, P, P_j, H, H_j, R = s.sample
+        trial = s.solver_group[row] // s.own.world.robots
+        again = solve_relative(P, P_j, H, H_j, R, self.criterion, "cvxpy", groups=trial).w
+        largest = np.zeros(len(s.solver_group))
+        np.maximum.at(largest, row, np.abs(again - w))
+        solved = np.bincount(row, minlength=len(largest)).astype(float)
+        return notes | {"solved again by cvxpy": solved, "largest difference of a weight": largest}

@@ -71,7 +71,7 @@ class Mrsl:
 
     def predict(self, s: shared.FilterState, z: Senses) -> shared.FilterState:
         s = shared.predict(self, s, z)
-        return s._replace(past=shared.shift_past_packets(s.past, s.world.motion, z)) if self.keeps_packets else s
+        return s._replace(past=s.past.shift(s.world.motion, z)) if self.keeps_packets else s
 
     def send(self, s: shared.FilterState, z: Senses) -> Array:
         """Send x, y, and the position covariance's P_xx, P_xy, P_yy: five numbers."""

@@ -96,17 +96,6 @@ class Row(NamedTuple):
     logw: Array  # (n,)
 
 
-class Link(NamedTuple):
-    """A place, its reading and its covariance, in units of the reading's noise."""
-
-    x: float
-    y: float
-    lost: float  # the reading less the one at D = 1
-    xx: float
-    xy: float
-    yy: float
-
-
 @kernel
 def add_anchor_rows(x, d, logw, anchors, out):
     """Write `particle_likelihood.anchors` of RSSI, for particles x (r d, N)."""
@@ -142,9 +131,10 @@ def add_anchors(row, box, r, anchors, links):
     for a in range(len(places)):
         z = readings[r, a]
         if not np.isnan(z):
-            link = Link(places[a, 0], places[a, 1], z - A, 0.0, 0.0, 0.0)
+            link = places[a, 0], places[a, 1], z - A, 0.0, 0.0, 0.0
             far, near = _write_link(FIXED, links, (far, near), box, link, (slope, unit, ln_unit))
-    _add(FIXED, row, links, (far, near), slope * unit)
+    _add_links(FIXED, True, row, links, 0, far, slope * unit)
+    _add_links(FIXED, False, row, links, len(links) - near, len(links), slope * unit)
 
 
 @kernel
@@ -172,19 +162,21 @@ def add_teammates(row, r, heard, links):
         if np.isnan(z) or np.isnan(qx) or np.isnan(qy) or (ranged and z < TOO_NEAR_TO_RANGE):
             continue
         xx, xy, yy = gain * packets[r, j, 2], 2 * gain * packets[r, j, 3], gain * packets[r, j, 4]
-        link = Link(qx, qy, z - A, xx, xy, yy)
+        link = qx, qy, z - A, xx, xy, yy
         far, near = _write_link(RSSI, links, (far, near), box, link, (slope, unit, ln_unit))
     if ranged:
-        _add(RANGE, row, links, (0, near), -unit)
+        _add_links(RANGE, False, row, links, len(links) - near, len(links), -unit)
     else:
-        _add(RSSI, row, links, (far, near), slope * unit)
+        _add_links(RSSI, True, row, links, 0, far, slope * unit)
+        _add_links(RSSI, False, row, links, len(links) - near, len(links), slope * unit)
 
 
 @inlined
 def _write_link(kind, links, count, box, link, sensor):
-    """Write what the loops need of a link, far ones from the front, near ones from the back; the count of both.
+    """Write what the loops need of a link, far ones from the front, near ones from the back; return the count of both.
 
-    The place, the reading less the one at D = 1, or at D_0, the place's covariance, 1/D_0, and a constant.
+    The place, the reading less the one at D = 1, or at D_0, the place's covariance in units of the noise, 1/D_0, and a
+    constant.
     """
     (far, near), (west, east, south, north), (slope, unit, ln_unit) = count, box, sensor
     qx, qy, lost, xx, xy, yy = link
@@ -208,14 +200,6 @@ def _write_link(kind, links, count, box, link, sensor):
         for c in range(3, 6):
             links[k, c] *= links[k, 6] * links[k, 6]
     return far, near
-
-
-@inlined
-def _add(kind, row, links, count, slope):
-    """Add the log-likelihoods of all links."""
-    if kind != RANGE:
-        _add_links(kind, True, row, links, 0, count[0], slope)
-    _add_links(kind, False, row, links, len(links) - count[1], len(links), slope)
 
 
 @inlined
@@ -310,11 +294,8 @@ def _link(kind, far, x, y, link, slope):
 
 # Past directions of arrival, and gradients.
 
-FORMS = {
-    "wrapped": (0,),
-    "sum": (0, 0),
-    "corners": (0, 0, 0),
-}  # of the residual, by the length of a tuple: it is a type
+# The forms of a direction's residual, by the length of a tuple: that is a type.
+FORMS = {"wrapped": (0,), "sum": (0, 0), "corners": (0, 0, 0)}
 
 
 @kernel
@@ -366,15 +347,12 @@ def add_window_rows(x, d, logw, directions, form, out):
         for k in range(angles.shape[1]):
             if not np.isnan(angles[r, k]):
                 shift = trail[r, k, 0] - corner[0], trail[r, k, 1] - corner[1]
-                if len(form) == 1:
-                    _add_direction(row, angles[r, k], shift, (sides[0], sides[1]), gain)
-                else:
-                    _add_sum(form, row, angles[r, k], shift, (sides[0], sides[1]), gain)
+                _add_direction(form, row, angles[r, k], shift, (sides[0], sides[1]), gain)
         store(row.logw, out, r)
 
 
 @inlined
-def _add_direction(row, angle, shift, sides, gain):
+def _add_direction(form, row, angle, shift, sides, gain):
     """Add one direction, with particles shifted by (east, north) to where they were then, seen from the first corner.
 
     With D_k the squared distances to the four corners, g_x ~ (ln p + ln q) / a and g_y ~ (ln p - ln q) / b, p = D_1/D_3
@@ -384,28 +362,18 @@ def _add_direction(row, angle, shift, sides, gain):
     (X, Y, logw), (east, north), (a, b), real = row, shift, sides, row.X.dtype.type
     cx, cy = real(np.cos(angle) / a), real(np.sin(angle) / b)
     sx, sy = real(np.sin(angle) / a), real(np.cos(angle) / b)
-    east, north, a, b, gain = real(east), real(north), real(a), real(b), real(gain)
-    for i in range(len(logw)):
-        p, q = _log_ratios(X[i] + east, Y[i] + north, a, b)
-        gx, gy = p + q, p - q
-        e = arc(gy * sy - gx * sx, gx * cx + gy * cy)
-        logw[i] += gain * (e * e)
-
-
-@inlined
-def _add_sum(form, row, angle, shift, sides, gain):
-    """Add one direction with a residual that is a sum over the corners."""
-    wide()
-    (X, Y, logw), real, four = row, row.X.dtype.type, row.X.dtype.type(4)
-    east, north, a, b = real(shift[0]), real(shift[1]), real(sides[0]), real(sides[1])
-    angle, gain = real(angle), real(gain)
+    east, north, a, b, gain, angle, four = real(east), real(north), real(a), real(b), real(gain), real(angle), real(4)
     for i in range(len(logw)):
         w, s = X[i] + east, Y[i] + north
-        if len(form) == 2:
-            p, q = _log_ratios(w, s, a, b)
-            e = four * (_direction((p - q) / b, (p + q) / a) - angle)
-        else:
+        if len(form) == 3:
             e = _direction(s, w) + _direction(s - b, w) + _direction(s - b, w - a) + _direction(s, w - a) - four * angle
+        else:
+            p, q = _log_ratios(w, s, a, b)
+            if len(form) == 2:
+                e = four * (_direction((p - q) / b, (p + q) / a) - angle)
+            else:
+                gx, gy = p + q, p - q
+                e = arc(gy * sy - gx * sx, gx * cx + gy * cy)
         logw[i] += gain * (e * e)
 
 

@@ -98,11 +98,6 @@ class ReceivedPackets(NamedTuple):
         return packets, readings, True, 0.0, 0.0, precision**0.5, precision if self.integrate else 0.0
 
 
-def no_packets(rows: int) -> ReceivedPackets:
-    """Return that no packets came in any of these rows."""
-    return ReceivedPackets(Range(), np.empty((rows, 0, 5)), np.empty((rows, 0)), False)
-
-
 def teammates(heard: ReceivedPackets, x: Array, logw: Array) -> Array:
     """Add to `logw` (r, N) the log-likelihoods of the readings heard, at particles x (r, N, d).
 
@@ -132,18 +127,10 @@ def teammates_reference(heard: ReceivedPackets, x: Array, logw: Array) -> Array:
 def window(
     doa: GradientDoa, motion: Motion, x: Array, logw: Array, angles: Array, trail: Array, form: str, power: float
 ) -> Array:
-    """Add to `logw` (r, N) `power` times the log-density of past directions, each at the particle shifted back.
+    """Add to `logw` (r, N) `power` times the log-density of past directions (r, M) [rad], nan where absent.
 
-    Args:
-        doa: the sensor.
-        motion: shifts a particle back along the path.
-        x: particles (r, N, d).
-        logw: log-weights so far.
-        angles: directions (r, M) [rad], nan where absent.
-        trail: where the robot was then, seen from where it is now (r, M, 2).
-        form: of the density: "exact", or one of the constant sigma with the residual "wrapped", "sum" or "corners".
-        power: exponent of every density.
-
+    Each is taken at the particle of x (r, N, d) shifted back along the path; `trail` (r, M, 2) is where the robot was
+    then, seen from where it is now. The form is "exact", or a constant sigma with one of the residuals of `FORMS`.
     """
     if form == "exact":
         return window_reference(doa, motion, x, logw, angles, trail, form, power)

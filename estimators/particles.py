@@ -22,7 +22,6 @@ from cooploc.estimators.models import (
     MOST,
     TOO_NEAR_TO_RANGE,
     Displacement,
-    GradientDoa,
     Range,
     Sighting,
     circular_mean,
@@ -52,22 +51,9 @@ def advance(
     fixed: Sequence[Fixed] = (),
     sends: bool = False,
 ) -> tuple[Array, Array, Belief | None]:
-    """Begin a tick: resample, move, and weigh by the readings of fixed places.
+    """Begin a tick: resample the rows that are `due`, move, and weigh by the readings of fixed places.
 
-    Args:
-        motion: how particles move.
-        x: particles (r, n, d).
-        logw: their log-weights (r, n).
-        due: rows (r,) to resample first, as `posterior_summary` found.
-        z: odometry and dt.
-        key: of the random numbers (r, 2).
-        tick: the number of this tick.
-        fixed: readings that weigh the particles after they have moved.
-        sends: whether the moments of the particles are needed, to be sent.
-
-    Returns:
-        particles drawn from P(x' | x, u), their log-weights, and their moments, None unless `sends`.
-
+    Returns particles (r, n, d) drawn from P(x' | x, u), their log-weights, and if they are to be sent their moments.
     """
     if type(motion) is not Displacement or x.shape[-1] != 2 or not particle_likelihood.have_loop(fixed):
         x, logw = resample(x, logw, key, tick - 1)
@@ -89,19 +75,14 @@ def summary(x: Array, logw: Array) -> Belief:
 
 
 def posterior_summary(x: Array, logw: Array, heard: ReceivedPackets | None = None) -> tuple[Belief, Array, Mask]:
-    """End a tick: weigh particles by the packets `heard`.
-
-    Returns:
-        their moments, their log-weights, and which rows (r,) are due for resampling.
-
-    """
+    """Weigh particles by the packets heard; return moments, log-weights, and the rows (r,) due for resampling."""
     if x.shape[-1] != 2 or (heard and not heard.has_loop):
         logw = particle_likelihood.teammates(heard, x, logw) if heard else logw
         w = weights(logw)
         return moments(x, w), restart_weights(logw), poor(w)
     belief, logw_new, due = empty_belief(len(x)), np.empty_like(logw, order="C"), np.empty(len(x), np.bool_)
-    packets = (heard or particle_likelihood.no_packets(len(x))).for_loop()
-    conclude_rows(planes(x), readable(logw), packets, tuple(belief), logw_new, due)
+    heard = heard or ReceivedPackets(Range(), np.empty((len(x), 0, 5)), np.empty((len(x), 0)), False)
+    conclude_rows(planes(x), readable(logw), heard.for_loop(), tuple(belief), logw_new, due)
     return belief, logw_new, due
 
 
@@ -211,18 +192,17 @@ class PastPackets(NamedTuple):
     readings: Array  # (r, n, M)
     trail: Array  # (r, n, M, 2)  where the robot was then, seen from where it is now [m]
 
+    def shift(self, motion: Motion, z: Senses) -> "PastPackets":
+        """Shift the packets by the robot's next move."""
+        r, n, samples, _ = self.trail.shape
+        trail = motion.retrace(self.trail.reshape(r, n * samples, 2), z.odometry, z.dt)
+        return self._replace(trail=trail.reshape(self.trail.shape))
+
 
 def no_past_packets(rows: int, senders: int, samples: int) -> PastPackets:
     """Return that nothing was received yet."""
     shape = rows, senders, samples
     return PastPackets(np.full((*shape, 5), np.nan), np.full(shape, np.nan), np.zeros((*shape, 2)))
-
-
-def shift_past_packets(past: PastPackets, motion: Motion, z: Senses) -> PastPackets:
-    """Shift the packets by the robot's next move."""
-    r, n, samples, _ = past.trail.shape
-    trail = motion.retrace(past.trail.reshape(r, n * samples, 2), z.odometry, z.dt)
-    return past._replace(trail=trail.reshape(past.trail.shape))
 
 
 def keep_received(past: PastPackets, heard: ReceivedPackets) -> PastPackets:
@@ -414,19 +394,13 @@ def correct(p: Any, s: FilterState, z: Senses) -> FilterState:
         doa = gradient_doa(s.world)
         s = s._replace(logw=particle_likelihood.gradient(doa, s.x, s.logw, doa.gradient(z.anchor_rssi)))
     elif reads == "doa":
-        s = _weigh_by_directions(p, s, gradient_doa(s.world), z)
+        doa = gradient_doa(s.world)
+        s, angles = _remember(p, s, doa.measure(z.anchor_rssi))
+        form = "exact" if p.density == "exact" else p.residual
+        logw = particle_likelihood.window(doa, s.world.motion, s.x, s.logw, angles, s.trail, form, power(p))
+        s = s._replace(logw=logw)
     s = round_to_single(p, s)
     return _weigh_by_landmarks(s, z) if reads == "landmark" else s
-
-
-def _weigh_by_directions(p: Any, s: FilterState, doa: GradientDoa, z: Senses) -> FilterState:
-    """Weigh by the last M averaged directions; nothing where there is no new one."""
-    angle = doa.measure(z.anchor_rssi)
-    s = _remember(p, s, angle)
-    angles = np.where(np.isnan(angle)[:, None], np.nan, s.smooth)
-    form = "exact" if p.density == "exact" else p.residual
-    logw = particle_likelihood.window(doa, s.world.motion, s.x, s.logw, angles, s.trail, form, power(p))
-    return s._replace(logw=logw)
 
 
 def _weigh_by_landmarks(s: FilterState, z: Senses) -> FilterState:
@@ -460,20 +434,19 @@ def estimate(p: Any, s: FilterState) -> Belief:
     return s.belief
 
 
-def _remember(p: Any, s: FilterState, angle: Array) -> FilterState:
+def _remember(p: Any, s: FilterState, angle: Array) -> tuple[FilterState, Array]:
     """Smooth the DOA by a circular moving average over the last K, weights decay^age (the paper's EWMA).
 
-    Memories count samples, not ticks: a tick without a DOA leaves them as they are.
+    Memories count samples, not ticks: a tick without a DOA leaves them as they are. Returns the last M averages (r, M),
+    nan where this tick has no DOA.
     """
     doa = _push(s.doa, angle)
     weight = np.where(np.isnan(doa), 0.0, p.decay ** np.arange(p.K))
     smooth = _push(s.smooth, circular_mean(np.where(np.isnan(doa), 0.0, doa), weight))
     new, trail = ~np.isnan(angle)[:, None], _push(s.trail, np.zeros_like(s.trail[:, 0]))
-    return s._replace(
-        doa=np.where(new, doa, s.doa),
-        smooth=np.where(new, smooth, s.smooth),
-        trail=np.where(new[..., None], trail, s.trail),
-    )
+    smooth, trail = np.where(new, smooth, s.smooth), np.where(new[..., None], trail, s.trail)
+    s = s._replace(doa=np.where(new, doa, s.doa), smooth=smooth, trail=trail)
+    return s, np.where(new, smooth, np.nan)
 
 
 def _push(memory: Array, newest: Array) -> Array:

@@ -22,6 +22,10 @@ WORDS: Any = types.Tuple((types.uint32, types.uint32))
 
 INIT, INIT_HEADING, MOVE, RESAMPLE, JITTER, JITTER_HEADING, BOX, AUDIT = range(8)
 
+# What filters exchange draws from a further stream of each row: a robot that hears nobody draws what one alone draws.
+FURTHER = np.array([0, 0x6A09E667], np.uint32)  # `key ^ FURTHER` is the key of the further stream
+SHARE, SENDER, PLACE, NOISE, ANCESTOR, SAMPLE = range(6)  # its purposes
+
 
 @intrinsic
 def threefry(context: Any, k0: Any, k1: Any, c0: Any, c1: Any) -> Any:
@@ -55,16 +59,15 @@ def draw_words(k0, k1, counter, words):
         first[i], second[i] = threefry(k0, k1, counter, i)
 
 
-def _uniform(f):
-    """Make a uniform from a word; in single precision from 31 bits: an integer with a sign becomes a number sooner."""
-    if f is SINGLE:
-        return inlined(lambda a: np.float32(np.int32(a >> 1)) * np.float32(2.0**-31) + np.float32(2.0**-32))
-    return inlined(lambda a: a * 2.0**-32 + 2.0**-33)
-
-
-def _normal_pair(f):
+@compiled.by_format
+def normal_pair(f):
+    """Return two standard normals by Box-Muller from two words, in the format of the first argument."""
     real, word, spare = f.real, f.word, 2 if f is SINGLE else 34  # bits of an integer above the lower 30
-    two, turn, start, uniform = real(-2), real(2 * np.pi * 2.0**-32), real(np.pi * 2.0**-32), _uniform(f)
+    two, turn, start = real(-2), real(2 * np.pi * 2.0**-32), real(np.pi * 2.0**-32)
+    if f is SINGLE:  # from 31 bits: an integer with a sign becomes a number sooner
+        uniform = inlined(lambda a: np.float32(np.int32(a >> 1)) * np.float32(2.0**-31) + np.float32(2.0**-32))
+    else:
+        uniform = inlined(lambda a: a * 2.0**-32 + 2.0**-33)
 
     def normal_pair(_, a, b):
         radius = np.sqrt(two * compiled.log(uniform(a)))
@@ -74,11 +77,6 @@ def _normal_pair(f):
         return radius * c, radius * s
 
     return normal_pair
-
-
-normal_pair = compiled.by_format(
-    _normal_pair
-)  # two standard normals from two words by Box-Muller, like the first argument
 
 
 @inlined
@@ -130,9 +128,3 @@ def uniforms(key: Keys, tick: int, purpose: int, n: int) -> Array:
     out = np.empty((len(key), 2 * n))
     _fill_uniforms(readable(key), tick * PURPOSES + purpose, out)
     return out.reshape(-1, n, 2)
-
-
-# What filters exchange draws from a further stream of each row: a robot that hears nobody draws what one alone draws.
-
-SHARE, SENDER, PLACE, NOISE, ANCESTOR, SAMPLE = range(6)  # its purposes
-FURTHER = np.array([0, 0x6A09E667], np.uint32)  # `key ^ FURTHER` is the key of the further stream

@@ -116,15 +116,10 @@ class ReciprocalPf:
         near = (np.abs(drawn - (low + high) / 2) < FAR * np.max(high - low)).all(-1, keepdims=True)
         x[again, :2] = np.where(near, drawn, x[again, :2])
         belief = summary(x, logw) if self.report == "after" else s.belief
-        s = s._replace(
-            x=np.where(heard[:, None, None], x, s.x),
-            logw=np.where(heard[:, None], logw, s.logw),
-            due=np.where(heard, poor(weights(logw)), s.due),
-            belief=Belief(
-                np.where(heard[:, None], belief.x, s.belief.x), np.where(heard[:, None, None], belief.P, s.belief.P)
-            ),
-        )
-        return shared.round_to_single(self, s)
+        row, part = heard[:, None], heard[:, None, None]
+        belief = Belief(np.where(row, belief.x, s.belief.x), np.where(part, belief.P, s.belief.P))
+        x, logw, due = np.where(part, x, s.x), np.where(row, logw, s.logw), np.where(heard, poor(weights(logw)), s.due)
+        return shared.round_to_single(self, s._replace(x=x, logw=logw, due=due, belief=belief))
 
 
 def sample_places(sensor: Sensor, sent: Mixture, z: Array, chosen: Mask, heading: Array, key: Keys, tick: int) -> Array:
@@ -133,15 +128,8 @@ def sample_places(sensor: Sensor, sent: Mixture, z: Array, chosen: Mask, heading
     The sender lies at q ~ sum_k w_k N(m_k, P_k), the robot from it at the distance and in the direction that were read;
     a radio reads no direction, and then all are as likely. The sensor's error is drawn in the reading itself.
 
-    Args:
-        sensor: of the readings.
-        sent: beliefs of the senders, (r, n, K).
-        z: readings (r, n, k), nan where there is none.
-        chosen: particles (r, N), in rows that have a usable reading.
-        heading: of each particle (r, N) [rad], which a bearing is against; 0 where there is a compass.
-        key: of the random numbers (r, 2).
-        tick: the number of this tick.
-
+    `sent` (r, n, K) are beliefs of the senders, z (r, n, k) is nan where there is none. Rows with particles that are
+    chosen (r, N) have a usable reading; a bearing is against their heading (r, N) [rad], 0 where there is a compass.
     """
     N, row = chosen.shape[1], np.nonzero(chosen)[0]
     u = random_numbers.uniforms(key, tick, random_numbers.SENDER, N)[chosen]

@@ -108,16 +108,18 @@ def test_the_compiled_chain_is_the_steps_one_by_one(reading, criterion, d):
     world, rows, before, mail = meeting(np.random.default_rng(4), reading, d)
     ctrn = cl.make("ctrn", reading=reading, criterion=criterion, anchor_reading="rssi", audit=0.3, **SMALL)
     s, z = ctrn.init(before, world, rows), Senses(*np.empty((6, 0)))
-    chained, with_chain = by_moments.all_senders(ctrn, s, before, z, mail)
+    z_j = getattr(mail, reading)
+    recorded = by_moments.draw_sample(ctrn, s, z_j)
+    chained, fusions, sample = by_moments.chain(before, SENSORS[reading], mail.packets, z_j, criterion, recorded)
     stepped, with_steps = by_moments.step_by_step(ctrn, s, before, z, mail)
     size = np.abs(before.P).max((1, 2)) + 1e-300
     np.testing.assert_allclose(chained.P / size[:, None, None], stepped.P / size[:, None, None], atol=1e-12)
     np.testing.assert_allclose(chained.x, stepped.x, rtol=1e-12, atol=1e-12)
-    np.testing.assert_array_equal(with_chain.fusions, with_steps.fusions)
-    samples = (s.sample.take(np.lexsort((s.sample.w, s.sample.row))) for s in (with_chain, with_steps))
+    np.testing.assert_array_equal(fusions, with_steps.fusions)
+    samples = (one.take(np.lexsort((one.w, one.row))) for one in (sample, with_steps.sample))
     for one, other in zip(*samples, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-12)
-    w = with_chain.sample.w
+    w = sample.w
     assert len(w) > 300
     assert 0.1 < (w == 1).mean() < 0.9
     assert w.min() < (0.1 if criterion == "trace" else 0.8)  # det: never below 1/2
