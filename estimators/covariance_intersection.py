@@ -9,8 +9,7 @@ A relative measurement y = h(x_i, x_j) + noise of variance R, with Jacobians H_i
     P^-1 = w P_i^-1 + H_i' (H_j P_j H_j' / (1 - w) + R)^-1 H_i.    (1)
 
 This is concave in w, so the determinant and the trace of P are convex, and the w that minimises one of them is found
-exactly, or by cvxpy. With H_i = I, H_j = -I and R = 0 it is the fusion of two estimates of the same state: diag(1, 4)
-with diag(4, 1) gives w = 1/2 and P = 1.6 I. w = 1 means that the reading cannot help.
+exactly, or by cvxpy. With H_i = I, H_j = -I and R = 0 it is the fusion of two estimates of the same state.
 
 Sources: S. J. Julier, J. K. Uhlmann, "A non-divergent estimation algorithm in the presence of unknown correlations",
 ACC 1997. (1) L. C. Carrillo-Arce et al., "Decentralized multi-robot cooperative localization using covariance

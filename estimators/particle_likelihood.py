@@ -5,7 +5,7 @@ densities by the sensor's `innovation`: for any other sensor, and for tests.
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple, cast
+from typing import NamedTuple
 
 import numpy as np
 
@@ -42,23 +42,24 @@ def log_normal(y: Array, v: Array) -> Array:
 
 def anchors(fixed: Sequence[Fixed], x: Array, logw: Array) -> Array:
     """Add to `logw` (r, N) the log-likelihoods of scalar readings of fixed places, at particles x (r, N, d)."""
-    if not have_loop(fixed):
+    readings = anchor_readings(fixed, len(x))
+    if readings is None:
         return anchors_reference(fixed, x, logw)
     out = np.empty_like(logw, order="C")
-    add_anchor_rows(planes(x), x.shape[-1], readable(logw), anchor_readings(fixed, len(x)), out)
+    add_anchor_rows(planes(x), x.shape[-1], readable(logw), readings, out)
     return out
 
 
-def have_loop(fixed: Sequence[Fixed]) -> bool:
-    """Return whether there is a loop for these readings: RSSI by one sensor, or none."""
-    return not fixed or (type(fixed[0][0]) is LogDistance and all(sensor is fixed[0][0] for sensor, _, _ in fixed))
+def anchor_readings(fixed: Sequence[Fixed], rows: int) -> tuple[Array, Array, float, float, float] | None:
+    """Return what the loop takes, None where there is none: it is for RSSI by one sensor, or no readings.
 
-
-def anchor_readings(fixed: Sequence[Fixed], rows: int) -> tuple[Array, Array, float, float, float]:
-    """Return what that loop takes: places (a, 2) [m], readings (r, a) [dBm], A [dBm], slope [dB], 1/sigma [1/dB]."""
+    Places (a, 2) [m], readings (r, a) [dBm], A [dBm], slope [dB], 1/sigma [1/dB].
+    """
     if not fixed:
         return np.empty((0, 2)), np.empty((rows, 0)), 0.0, 0.0, 1.0
-    sensor = cast(LogDistance, fixed[0][0])
+    sensor = fixed[0][0]
+    if type(sensor) is not LogDistance or any(other is not sensor for other, _, _ in fixed):
+        return None
     readings = np.concatenate([z for _, _, z in fixed], -1)
     return np.array([q for _, q, _ in fixed]), readings, sensor.A, _slope(sensor), 1 / sensor.sigma
 

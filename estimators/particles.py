@@ -55,7 +55,8 @@ def advance(
 
     Returns particles (r, n, d) drawn from P(x' | x, u), their log-weights, and if they are to be sent their moments.
     """
-    if type(motion) is not Displacement or x.shape[-1] != 2 or not particle_likelihood.have_loop(fixed):
+    anchors = particle_likelihood.anchor_readings(fixed, len(x))
+    if type(motion) is not Displacement or x.shape[-1] != 2 or anchors is None:
         x, logw = resample(x, logw, key, tick - 1)
         noise = random_numbers.normals(key, tick, random_numbers.MOVE, x.shape[1])
         x = motion.sample(x, z.odometry[:, None, :], z.dt[:, None], noise)
@@ -64,7 +65,7 @@ def advance(
     cloud, sd = (planes(x), readable(logw), readable(due)), np.sqrt(motion.sigma**2 / motion.tick * z.dt)
     step = readable(z.odometry), readable(sd), readable(key), tick * random_numbers.PURPOSES
     after, logw_new = np.empty((2 * len(x), x.shape[1]), x.dtype), np.empty_like(logw, order="C")
-    belief, anchors = empty_belief(len(x)), particle_likelihood.anchor_readings(fixed, len(x))
+    belief = empty_belief(len(x))
     advance_rows(cloud, step, anchors, sends, (after, logw_new), tuple(belief))
     return after.reshape(-1, 2, x.shape[1]).transpose(0, 2, 1), logw_new, belief if sends else None
 
@@ -179,10 +180,8 @@ def scatter(P: Array, noise: Array) -> Array:
     return out
 
 
-# The last M packets of each sender, for the product over past samples: "we can use the Gaussian probability formula
-# same as (Eq. 5) with RSSI as an error", and eq. (5) is a product over M past samples.
-#
-# Source: Latif & Parasuraman, "Synergistic Localization", eqs. (5)-(8).
+# The last M packets of each sender, for the product over past samples of Latif & Parasuraman's eqs. (5)-(8): "we can
+# use the Gaussian probability formula same as (Eq. 5) with RSSI as an error", and eq. (5) is a product over M.
 
 
 class PastPackets(NamedTuple):

@@ -2,11 +2,9 @@
 
 import numpy as np
 import pytest
-from oracles import covariances, dense_posterior, is_covariance, linear_team
+from oracles import dense_posterior, linear_team
 
 from cooploc.estimators import make
-from cooploc.estimators.channel_pf import news
-from cooploc.estimators.interface import Belief
 from cooploc.scenarios.runner.trace import trace
 
 TICKS = 6
@@ -52,15 +50,3 @@ def test_a_packet_after_lost_ones_brings_the_way_that_the_sender_went_meanwhile(
     np.testing.assert_allclose(s.heard[0, 1, :2], np.nan_to_num(lost.senses.odometry[0, :, 1]).sum(0))
     off = s.channel.x[0, 1, 2:] - s.own.belief.x[1]
     assert np.linalg.norm(off) < 3 * np.sqrt(np.trace(s.channel.P[0, 1, 2:, 2:]))
-
-
-def test_news_is_the_quotient_of_the_gaussians_where_the_belief_knows_more_in_every_direction(rng):
-    common = Belief(rng.normal(size=(5, 2)), covariances(rng, 5, d=2))
-    new = Belief(rng.normal(size=(5, 2)), covariances(rng, 5, d=2))
-    Y = np.linalg.inv(new.P)
-    P = np.linalg.inv(np.linalg.inv(common.P) + Y)
-    shift = (P @ Y @ (new.x - common.x)[..., None])[..., 0]
-    found = news(Belief(common.x + shift, P), common)
-    np.testing.assert_allclose(found.Y, Y, rtol=1e-6, atol=1e-8)
-    np.testing.assert_allclose(found.eta, (Y @ (new.x - common.x)[..., None])[..., 0], rtol=1e-6, atol=1e-8)
-    assert all(is_covariance(one) for one in found.Y)

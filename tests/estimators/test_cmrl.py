@@ -6,9 +6,8 @@ from oracles import log_distance
 
 from cooploc.estimators import make
 from cooploc.estimators.interface import Belief, Mail, Rows, Senses, World
-from cooploc.estimators.mixtures import density, sample
 from cooploc.estimators.models import Displacement, LogDistance, Range
-from cooploc.estimators.particles import summary, weights
+from cooploc.estimators.particles import weights
 
 PRIOR = Belief(np.array([[2.0, 2.0], [3.5, 4.0]]), np.array([[[0.36, 0.1], [0.1, 0.25]], [[0.5, -0.2], [-0.2, 0.3]]]))
 WORLD = World(
@@ -62,21 +61,6 @@ def test_one_detection_is_bayes_rule_on_a_grid(reading):
     np.testing.assert_allclose(belief.x[0], mean, atol=0.03)
     np.testing.assert_allclose(belief.P[0], P, atol=0.03)
     assert np.linalg.norm(mean - PRIOR.x[0]) > 0.1  # or else the agreement would say nothing
-
-
-def test_a_packets_density_integrates_to_one_and_has_the_particles_mean_and_covariance(rng):
-    x, logw = rng.normal([2.0, 3.0], [0.5, 0.8], (1, 400, 2)), rng.normal(size=(1, 400))
-    got = density(sample(x, logw, np.array([0.4]), 100))
-    side = np.linspace(-3, 8, 120)
-    cells = np.stack(np.meshgrid(side, side), -1).reshape(-1, 2)
-    e = cells[:, None] - got.x[0]
-    kernels = np.exp(-0.5 * np.einsum("cki,kij,ckj->ck", e, np.linalg.inv(got.P[0]), e))
-    p = (kernels * got.w[0] / (2 * np.pi * np.sqrt(np.linalg.det(got.P[0])))).sum(-1) * (side[1] - side[0]) ** 2
-    assert p.sum() == pytest.approx(1, abs=1e-6)
-    whole = summary(x, logw)
-    np.testing.assert_allclose(p @ cells, whole.x[0], atol=0.05)
-    np.testing.assert_allclose(np.einsum("c,ci,cj->ij", p, cells, cells) - np.outer(p @ cells, p @ cells), whole.P[0],
-                               atol=0.1)  # fmt: skip
 
 
 def used(estimator, steps):

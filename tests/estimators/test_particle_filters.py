@@ -201,16 +201,6 @@ def test_a_robot_that_hears_no_other_is_arl_to_the_bit(team, configured):
     np.testing.assert_array_equal(traces["team"].P, traces["arl"].P)
 
 
-def test_where_it_is_nearly_linear_the_gradient_is_a_kalman_update():
-    """A prior of 0.1 m: the model's gradient bends little over it."""
-    _, stream = simulate("robots-1-3/n=3", ticks=10, prior_sigma=0.1)
-    made = {"arl": make("arl", particles=50_000, anchor_reading="gradient")}
-    made["ekf"] = make("ekf-local", anchor_reading="gradient", gate=np.inf)
-    traces = run(made, stream).traces
-    np.testing.assert_allclose(traces["arl"].x, traces["ekf"].x, atol=0.01)
-    np.testing.assert_allclose(traces["arl"].P, traces["ekf"].P, atol=0.001)
-
-
 def wheels_and_compass(ticks=25):
     """The same drive told twice: as displacements in a compass frame, and as arcs of a robot that knows its heading."""
     rng = np.random.default_rng(8)

@@ -133,17 +133,6 @@ def test_past_packets_of_a_sensor_without_a_loop_weigh_the_same(motion, rng):
     assert np.ptp(one - logw) > 0.1
 
 
-@pytest.mark.parametrize("away", [0.0, 5e6])
-def test_products_over_many_links_neither_overflow_nor_vanish(away):
-    """As between robots that a prior put at the origin and others in coordinates of a planet."""
-    x, logw = cloud(50, side=0.4)
-    heard = hear(LogDistance(sigma=1e-3), 29, absent=0.0)
-    heard.packets[..., :2] = x[:, :1] + away + 1e-3
-    got = particle_likelihood.teammates(heard, x, logw)
-    assert np.isfinite(got).all()
-    np.testing.assert_allclose(got, particle_likelihood.teammates_reference(heard, x, logw), rtol=1e-11)
-
-
 # ---------------------------------------------------------------- a tick in two passes
 
 
