@@ -127,7 +127,8 @@ def by_format(make: Callable[[Format], Callable[..., Any]]) -> Any:
     def choose(*arguments: Any) -> Any:
         raise NotImplementedError("this function is called by compiled loops only")
 
-    overload(choose, strict=False, jit_options={"forceinline": True, **FAST})(lambda *kinds: versions.get(kinds[0]))
+    options: Any = {"forceinline": True, **FAST}
+    overload(choose, strict=False, jit_options=options)(lambda *kinds: versions.get(kinds[0]))
     return choose
 
 

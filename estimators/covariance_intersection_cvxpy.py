@@ -10,6 +10,7 @@ Source of DPP: A. Agrawal et al., "Differentiable convex optimization layers", N
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cache, lru_cache
+from importlib import import_module
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -100,7 +101,7 @@ def solve(B: Array, C: Array, sigma: Array, trace: bool, block: int, groups: Ind
     if d == block == 2:
         C11, C12, C22 = C[:, 0, 0] * trace, C[:, 0, 1] * trace, C[:, 1, 1] * trace
         gamma = np.sqrt(np.maximum(C11 * C22 - C12**2, 0.0)) if trace else np.ones(len(C))
-        theta = terms[..., 0, 0], terms[..., 0, 1], terms[..., 1, 1], C11, C12, C22, gamma
+        theta: tuple[Array, ...] = terms[..., 0, 0], terms[..., 0, 1], terms[..., 1, 1], C11, C12, C22, gamma
         program, most = _cone_program(k), STACK
     else:
         triangles = (terms * (1 - np.eye(d) / 2))[(..., *np.triu_indices(d))].reshape(len(B), -1)
@@ -122,11 +123,10 @@ def solve(B: Array, C: Array, sigma: Array, trace: bool, block: int, groups: Ind
 @lru_cache
 def _cone_program(k: int) -> Canonical:
     """Return the program for a reading of k numbers, d = 2; theta is B_11, B_12, B_22 of each term, C's, and gamma."""
-    import cvxpy as cp  # late, because it takes a second
-
+    cp: Any = import_module("cvxpy")  # late, because it takes a second; type checkers do not know its atoms
     m = 2 + k
     theta = cp.Parameter(3 * m + 4 + 2 * k)
-    c, constraints = _shares(k, theta[3 * m + 4 :])
+    c, constraints = _shares(cp, k, theta[3 * m + 4 :])
     X11, X12, X22 = (theta[i * m : (i + 1) * m] @ c - theta[3 * m + i] for i in range(3))
     constraints.append(cp.SOC(X11 + X22, cp.hstack([2 * X12, 2 * theta[3 * m + 3], X11 - X22])))
     return canonical(cp.Problem(cp.Minimize(cp.sum(c[:2])), constraints), theta)
@@ -138,12 +138,11 @@ def _matrix_program(k: int, d: int, block: int, trace: bool) -> Canonical:
 
     X is Y, or a block of it with the other states marginalised out.
     """
-    import cvxpy as cp
-
+    cp: Any = import_module("cvxpy")
     m, entries = 2 + k, d * (d + 1) // 2
     size = m * entries + trace * block**2
     theta = cp.Parameter(size + 2 * k)
-    c, constraints = _shares(k, theta[size:])
+    c, constraints = _shares(cp, k, theta[size:])
     halves = [cp.vec_to_upper_tri(theta[i * entries : (i + 1) * entries]) for i in range(m)]
     X = Y = sum(c[i] * (halves[i] + halves[i].T) for i in range(m))
     if block < d:
@@ -158,10 +157,8 @@ def _matrix_program(k: int, d: int, block: int, trace: bool) -> Canonical:
     return canonical(cp.Problem(cp.Minimize(cp.sum(c[:2])), constraints), theta)
 
 
-def _shares(k: int, ratios: Any) -> tuple[Any, list[Any]]:
+def _shares(cp: Any, k: int, ratios: Any) -> tuple[Any, list[Any]]:
     """Return the variables c = (w, v, h_1 .. h_k) and their cones; `ratios` (2 k,) are sigma and its root."""
-    import cvxpy as cp
-
     c = cp.Variable(2 + k)
     constraints = [c >= 0]
     for i in range(k):
