@@ -21,6 +21,7 @@ STRICT: dict[str, Any] = {"error_model": "numpy"}  # every operation as written:
 # Not the full fastmath: it deletes tests for nan. In such a loop a square is written x * x: numba compiles a power once
 # in a process, as the first function wants it that has one, and bits would depend on which that is.
 FAST: dict[str, Any] = {**STRICT, "fastmath": {"reassoc", "nsz", "arcp", "contract", "afn"}}
+KEPT: dict[str, Any] = {"cache": True, "no_cfunc_wrapper": True}
 INSIDE: dict[str, Any] = {"forceinline": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
 # A function inside a loop: inlined, because a call would keep the loop from being vectorised. Kernels alone call it.
@@ -47,7 +48,7 @@ def strict_kernel(function: Callable[..., Any]) -> Any:
 
 def _cache_on_disk(function: Callable[..., Any], options: dict[str, Any]) -> Any:
     """Compile and cache; of two processes that need a kernel, the second waits for the first and finds it on disk."""
-    compiled = numba.njit(cache=True, no_cfunc_wrapper=True, **options)(function)
+    compiled = numba.njit(**KEPT, **options)(function)
     file, compile_now = Path(function.__code__.co_filename), compiled.compile
     compiled._cache._cache_file._source_stamp = hashlib.sha256(b"".join([*SOURCES, file.read_bytes()])).hexdigest()
     lock = cache_directory(compiled) / f"{file.stem}.{function.__name__}.lock"
