@@ -8,9 +8,9 @@ that has a reading of the sender moves that density through the detection model,
 and multiplies its weights with it. The product takes beliefs to be independent. Hence the source's safeguard: once a
 pair's detection was used, the next is used only after the robot has travelled some distance.
 
-Our reading: the source builds density trees of thousands of samples; here the density is a sum of Gaussian kernels (Liu
-& West's, which keep mean and covariance). The detection is a packet with its reading, made by the robot that receives
-it; each robot counts its own distance for each teammate. The source's 2.5 m are as we remember them.
+Our reading: a sum of Gaussian kernels (Liu & West's, which keep mean and covariance) instead of a tree of thousands of
+samples; the receiver of a packet makes the detection, and counts its distance for each teammate. The source's 2.5 m are
+as we remember them.
 
 Source: D. Fox, W. Burgard, H. Kruppa, S. Thrun, "A probabilistic approach to collaborative multi-robot localization",
 Autonomous Robots 8(3), 2000.

@@ -239,9 +239,9 @@ def weigh_past_packets(
     return logw + power * total
 
 
-# A robot's own particle filter: on odometry and anchors it is ARL, and all others build on it. Particles are weighed by
-# anchors, or by landmarks where the world has those instead. No reading is refused for being unlikely: where gross
-# outliers occur, as in MRCLAM, particles collapse on them. In these functions `p` is the estimator.
+# A robot's own particle filter: on odometry and anchors it is ARL, and all others build on it; `p` is the estimator.
+# Particles are weighed by anchors, or by landmarks where the world has those instead. No reading is refused for being
+# unlikely: where gross outliers occur, as in MRCLAM, particles collapse on them.
 #
 # Source: Latif & Parasuraman, "Individual localization", eqs. (1)-(5); R. Parashar, R. Parasuraman, "Particle filter
 # based localization of access points using direction of arrival on mobile robots", VTC-Fall 2020.
@@ -326,12 +326,7 @@ class FilterState(NamedTuple):
 
 
 def init(p: Any, prior: Belief, world: World, rows: Rows) -> FilterState:
-    """Draw particles from the prior, with empty memories.
-
-    Raises:
-        BadInput: a direction of arrival needs four corners; or the arena reaches too far for single precision.
-
-    """
+    """Draw particles from the prior, with empty memories."""
     world = inflate(world, p.inflation)
     if _anchor_kind(p, world) in ("doa", "gradient"):
         gradient_doa(world)
@@ -417,10 +412,7 @@ def belief_to_send(s: FilterState) -> Belief:
 
 
 def resample_and_estimate(p: Any, s: FilterState, heard: ReceivedPackets | None = None) -> FilterState:
-    """Weigh by the packets heard, and end the tick.
-
-    The belief is the weighted mean and covariance; with point="max" the particle of largest weight instead of the mean.
-    """
+    """Weigh by the packets heard; the belief is mean (with point="max" the heaviest particle) and covariance."""
     s = round_to_single(p, s)
     belief, logw, due = posterior_summary(s.x, s.logw, heard)
     if p.point == "max":
@@ -434,10 +426,9 @@ def estimate(p: Any, s: FilterState) -> Belief:
 
 
 def _remember(p: Any, s: FilterState, angle: Array) -> tuple[FilterState, Array]:
-    """Smooth the DOA by a circular moving average over the last K, weights decay^age (the paper's EWMA).
+    """Smooth the DOA by a circular moving average over the last K, weights decay^age; return the last M averages.
 
-    Memories count samples, not ticks: a tick without a DOA leaves them as they are. Returns the last M averages (r, M),
-    nan where this tick has no DOA.
+    These (r, M) are nan where this tick has no DOA. Memories count samples, not ticks: they stay as they are then.
     """
     doa = _push(s.doa, angle)
     weight = np.where(np.isnan(doa), 0.0, p.decay ** np.arange(p.K))

@@ -2,14 +2,12 @@
 
 A robot broadcasts its particles as K clusters. A robot that has a reading of the sender multiplies its weights with the
 likelihood of that reading, as MRSL does. Then each particle is, with probability alpha, drawn again from the detection
-model: from the sender's clusters, at the distance (and in the direction) that was read. So a robot that is lost finds
-back to where its team sees it. Nothing corrects the weights for having been drawn there.
+model, and nothing corrects the weights for that: a robot that is lost finds back to where its team sees it.
 
-Our reading: the detection is made by the robot that receives the packet; in the source the sender detects, and says so
-in the packet. Particles are resampled by weight only where their weights are poor; a particle that is drawn again has
-the mean weight of all, and the heading of one chosen by weight. With ranges alone the draws widen the reported belief;
-report="before" leaves them out. The draws, the clusters and alpha = 0.06 follow the public implementation of N.
-Zimmerman, A. Giusti, J. Guzzi, "Resource-aware collaborative Monte Carlo localization", IROS 2024.
+Our reading: the receiver of a packet makes the detection, in the source the sender does. Particles are resampled only
+where their weights are poor; one that is drawn again has the mean weight of all, and the heading of one chosen by
+weight. Draws, clusters and alpha = 0.06 follow the public implementation of N. Zimmerman, A. Giusti, J. Guzzi,
+"Resource-aware collaborative Monte Carlo localization", IROS 2024.
 
 Source: A. Prorok, A. Martinoli, "A reciprocal sampling algorithm for lightweight distributed multi-robot localization",
 IROS 2011; the clusters: A. Prorok, A. Bahr, A. Martinoli, ICRA 2012.

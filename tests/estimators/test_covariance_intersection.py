@@ -6,7 +6,6 @@ The oracles work on the covariances as they come, in 80-bit floats: no whitening
 import logging
 from fractions import Fraction
 
-import cvxpy as cp
 import numpy as np
 import pytest
 from hypothesis import given
@@ -166,21 +165,6 @@ def test_a_fusion_that_cvxpy_fails_on_is_named_and_counted(monkeypatch, caplog):
     assert "fusions [17]" in caplog.text
     assert found.w[17] == exact.w[17]
     np.testing.assert_allclose(found.w, exact.w, atol=1e-4)
-
-
-@CRITERIA
-def test_weights_are_those_of_a_fresh_problem_as_one_writes_it_first(criterion):
-    """n = v / (q + R v), the information of a range of variance R about a sender of variance q along it."""
-    rng, R = np.random.default_rng(3), 0.01
-    P_i, P_j, H, _, _ = relation(rng, 6)
-    found = solve_relative(P_i, P_j, H, -H, np.full((1, 1), R), criterion, groups=np.arange(6)).w
-    for f in range(6):
-        q = (H[f] @ P_j[f] @ H[f].T).item()
-        w, n = cp.Variable(nonneg=True), cp.Variable()
-        Y = w * np.linalg.inv(P_i[f]) + n * (H[f].T @ H[f])
-        aim = cp.Maximize(cp.log_det(Y)) if criterion == "det" else cp.Minimize(cp.tr_inv(Y))
-        cp.Problem(aim, [w <= 1, n <= 1 / R - q / R * cp.inv_pos(q + R * (1 - w))]).solve(solver="CLARABEL")
-        np.testing.assert_allclose(found[f], w.value, atol=1e-4)
 
 
 @SOLVERS
