@@ -43,7 +43,7 @@ BUILTIN: dict[str, tuple[str, dict[str, Any]]] = {
     "ukf-joint": ("cooploc.estimators.ukf_joint:UkfJoint", {}),
     "gbp": ("cooploc.estimators.gbp:Gbp", {}),
     "map-joint": ("cooploc.estimators.map_joint:MapJoint", {}),
-    "constant": ("cooploc.estimators.constant:Constant", {}),
+    "constant": ("cooploc.estimators.dead_reckoning:Constant", {}),
 }
 
 REGISTRY = Registry("estimator", "cooploc.estimators", BUILTIN)

@@ -183,8 +183,7 @@ def _weigh(own: shared.FilterState, about: Array, gain: LinkInformation, i: Indi
 def definite(P: Array) -> Mask:
     """Return which covariances (..., 2, 2) can be inverted; nan ones cannot."""
     a, b, c = P[..., 0, 0], P[..., 0, 1], P[..., 1, 1]
-    regular: Mask = (a > 0) & (c > 0) & (a * c - b * b > 1e-12 * a * c)
-    return regular
+    return np.asarray((a > 0) & (c > 0) & (a * c - b * b > 1e-12 * a * c))
 
 
 def news(belief: Belief, common: Belief) -> LinkInformation:

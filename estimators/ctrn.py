@@ -68,8 +68,7 @@ class State(NamedTuple):
 def draw_sample(p: "Ctrn", s: State, readings: Array) -> Mask:
     """Draw the fusions (r, n) of this tick that cvxpy solves again for the notes; none where readings are nan."""
     u = random_numbers.uniforms(s.own.key, s.own.tick, random_numbers.AUDIT, readings.shape[1])[..., 0]
-    drawn: Mask = (u < p.audit) & ~np.isnan(readings)
-    return drawn
+    return np.asarray((u < p.audit) & ~np.isnan(readings))
 
 
 # The compiled loop of `fusion="moments"`, each row by itself, as `step_by_step` states it: linearise at the belief so
@@ -223,8 +222,7 @@ def intersect(
 def invertible(P: Array) -> Mask:
     """Return rows whose covariance can be inverted (r,): particles may have collapsed into one point."""
     trace = np.trace(P, axis1=-2, axis2=-1)
-    ok: Mask = np.linalg.eigvalsh(P)[:, 0] > COLLAPSED * np.maximum(trace, np.finfo(float).tiny)
-    return ok
+    return np.asarray(np.linalg.eigvalsh(P)[:, 0] > COLLAPSED * np.maximum(trace, np.finfo(float).tiny))
 
 
 def silence_singular(packets: Array) -> Array:

@@ -1,4 +1,4 @@
-"""Dead reckoning: the prior moved by odometry, and nothing else: every other estimator must beat it."""
+"""What every other estimator must beat: dead reckoning, the prior moved by odometry, and on a recording a constant."""
 
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
@@ -46,3 +46,44 @@ class DeadReckoning:
 
     def estimate(self, s: State) -> Belief:
         return Belief(wrap_heading(s.x), s.P)
+
+
+@dataclass(frozen=True)
+class Constant:
+    """The middle of the rectangle around two or more anchors or landmarks, or else the start; sends nothing."""
+
+    api: ClassVar[int] = 1
+    sends: ClassVar[str] = "nothing"
+    consistency: ClassVar[str] = "consistent"
+    own_motion: ClassVar[str] = "it does not move"
+    uses: tuple[str, ...] = ()
+
+    def init(self, prior: Belief, world: World, rows: Rows) -> State:
+        """x = (lower + upper)/2,  P = (upper - lower)^2/12 of the rectangle around fixed things, or of the arena."""
+        fixed = np.concatenate([world.anchors, world.landmarks])
+        known = len(fixed) >= 2
+        lower, upper = (fixed.min(0), fixed.max(0)) if known else world.arena
+        x, P = prior.x.copy(), np.zeros_like(prior.P)
+        if known:
+            x[:, :2] = (lower + upper) / 2
+        d = x.shape[-1]
+        variance = np.full(d, np.pi**2 / 3)  # of a heading that may be any
+        variance[:2] = np.maximum(upper - lower, 0.1) ** 2 / 12
+        P[:, np.arange(d), np.arange(d)] = variance
+        return State(x, P, world)
+
+    def predict(self, s: State, z: Senses) -> State:
+        """x' = x,  P' = P."""
+        return s
+
+    def correct(self, s: State, z: Senses) -> State:
+        return s
+
+    def send(self, s: State, z: Senses) -> Array:
+        return np.empty((len(s.x), 0))
+
+    def fuse(self, s: State, z: Senses, mail: Mail) -> State:
+        return s
+
+    def estimate(self, s: State) -> Belief:
+        return Belief(s.x, s.P)

@@ -65,7 +65,7 @@ def advance(
     cloud, sd = (planes(x), readable(logw), readable(due)), np.sqrt(motion.sigma**2 / motion.tick * z.dt)
     step = readable(z.odometry), readable(sd), readable(key), tick * random_numbers.PURPOSES
     after, logw_new = np.empty((2 * len(x), x.shape[1]), x.dtype), np.empty_like(logw, order="C")
-    belief = empty_belief(len(x))
+    belief = Belief(np.empty((len(x), 2)), np.empty((len(x), 2, 2)))
     advance_rows(cloud, step, anchors, sends, (after, logw_new), tuple(belief))
     return after.reshape(-1, 2, x.shape[1]).transpose(0, 2, 1), logw_new, belief if sends else None
 
@@ -81,36 +81,25 @@ def posterior_summary(x: Array, logw: Array, heard: ReceivedPackets | None = Non
         logw = particle_likelihood.teammates(heard, x, logw) if heard else logw
         w = weights(logw)
         return moments(x, w), restart_weights(logw), poor(w)
-    belief, logw_new, due = empty_belief(len(x)), np.empty_like(logw, order="C"), np.empty(len(x), np.bool_)
+    belief = Belief(np.empty((len(x), 2)), np.empty((len(x), 2, 2)))
+    logw_new, due = np.empty_like(logw, order="C"), np.empty(len(x), np.bool_)
     heard = heard or ReceivedPackets(Range(), np.empty((len(x), 0, 5)), np.empty((len(x), 0)), False)
     conclude_rows(planes(x), readable(logw), heard.for_loop(), tuple(belief), logw_new, due)
     return belief, logw_new, due
-
-
-def empty_belief(rows: int) -> Belief:
-    """Return arrays for the moments of so many rows, to be written."""
-    return Belief(np.empty((rows, 2)), np.empty((rows, 2, 2)))
 
 
 def weights(logw: Array) -> Array:
     """Return normalised weights (r, n). A row in which all are -inf starts again from equal weights; nan stays nan."""
     top = logw.max(-1, keepdims=True)
     w = np.exp(np.where(top == -np.inf, 0.0, logw - np.maximum(top, np.finfo(float).min)))
-    normalised: Array = w / w.sum(-1, keepdims=True)
-    return normalised
-
-
-def mean(x: Array, w: Array) -> Array:
-    """Return the weighted mean (r, d); the heading's is circular."""
-    m: Array = (w[..., None] * x).sum(-2)
-    if x.shape[-1] > 2:
-        m[:, 2] = circular_mean(x[..., 2], w)
-    return m
+    return np.asarray(w / w.sum(-1, keepdims=True))
 
 
 def moments(x: Array, w: Array) -> Belief:
-    """Return the weighted mean and covariance of particles x (r, n, d), w (r, n)."""
-    m = mean(x, w)
+    """Return the weighted mean and covariance of particles x (r, n, d), w (r, n); the heading's mean is circular."""
+    m: Array = (w[..., None] * x).sum(-2)
+    if x.shape[-1] > 2:
+        m[:, 2] = circular_mean(x[..., 2], w)
     e = offset(x, m)
     P = np.stack([(w[..., None] * e[..., :, i, None] * e).sum(-2) for i in range(x.shape[-1])], -2)
     return Belief(m, P)
@@ -118,8 +107,7 @@ def moments(x: Array, w: Array) -> Belief:
 
 def poor(w: Array) -> Mask:
     """Return the rows (r,) of weights (r, n) with an effective sample size below n/2."""
-    few: Mask = 1 / (w**2).sum(-1) < w.shape[-1] / 2
-    return few
+    return np.asarray(1 / (w**2).sum(-1) < w.shape[-1] / 2)
 
 
 def restart_weights(logw: Array) -> Array:
@@ -366,7 +354,7 @@ def predict(p: Any, s: FilterState, z: Senses) -> FilterState:
     trail = motion.retrace(s.trail, z.odometry, z.dt)
     if p.proposal == "box":
         x, logw = resample(s.x, s.logw, s.key, s.tick)
-        middle, _, _ = motion.move(mean(x, weights(logw)), z.odometry, z.dt)
+        middle, _, _ = motion.move(moments(x, weights(logw)).x, z.odometry, z.dt)
         x, logw = np.repeat(middle[:, None, :], p.particles, 1), np.zeros_like(s.logw)
         x[..., :2] += p.box * (2 * random_numbers.uniforms(s.key, tick, random_numbers.BOX, p.particles) - 1)
     else:

@@ -150,12 +150,10 @@ def sample_places(sensor: Sensor, sent: Mixture, z: Array, chosen: Mask, heading
 
 def usable(sent: Mixture, z: Array) -> Mask:
     """Return the senders (r, n) that have a reading and a belief."""
-    heard: Mask = ~np.isnan(z).any(-1) & (np.nan_to_num(sent.w).sum(-1) > 0)
-    return heard
+    return np.asarray(~np.isnan(z).any(-1) & (np.nan_to_num(sent.w).sum(-1) > 0))
 
 
 def _draw_index(weight: Array, u: Array) -> Indices:
     """Return an index (c,) by weights (c, n), for each of the uniforms u (c,)."""
     cumulated = np.cumsum(weight, -1)
-    index: Indices = (u[:, None] * cumulated[:, -1:] > cumulated).sum(-1)
-    return index
+    return np.asarray((u[:, None] * cumulated[:, -1:] > cumulated).sum(-1))
