@@ -50,7 +50,7 @@ class DeadReckoning:
 
 @dataclass(frozen=True)
 class Constant:
-    """The middle of the rectangle around two or more anchors or landmarks, or else the start; sends nothing."""
+    """The middle of all anchors and landmarks, or else the start, whatever happens; sends nothing."""
 
     api: ClassVar[int] = 1
     sends: ClassVar[str] = "nothing"
