@@ -58,16 +58,8 @@ def kept_from(rows, folder, experiment="one", **study):
         asked = dict.fromkeys(names, int(part["trial"].max()) + 1)
         cells[scenario] = {"experiment": experiment, "baseline": names[0], "estimators": asked}
     manifest = {
-        "format": 1,
-        "study": {"name": "made up", "about": "nothing was run", **study},
-        "cells": cells,
-        "seed": 3,
-        "data": None,
-        "scenarios": {scenario: {"ticks": 10} for scenario in cells},
-        "streams": {},
-        "versions": {"cooploc": "0", "python": "3"},
-        "source": "abc",
-        "commit": None,
-        "cpu": "one",
+        **{"format": 1, "study": {"name": "made up", "about": "nothing was run", **study}, "cells": cells, "seed": 3},
+        **{"data": None, "scenarios": {scenario: {"ticks": 10} for scenario in cells}, "streams": {}, "cpu": "one"},
+        **{"versions": {"cooploc": "0", "python": "3"}, "source": "abc", "commit": None},
     }
     return StoredRun(folder, manifest, rows, {})

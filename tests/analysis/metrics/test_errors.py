@@ -54,18 +54,14 @@ def test_anees_of_a_consistent_estimator_is_one_and_covers_95_percent():
 
 
 def test_ticks_without_truth_and_the_burn_in_do_not_count():
-    true = np.zeros((1, 4, 1, 2))
-    x = true.copy()
-    x[0, :, 0, 0] = [100, 1, 50, 3]
-    valid = np.array([True, True, False, True]).reshape(1, 4, 1)
-    truth, run = made(x, np.broadcast_to(np.eye(2), (1, 4, 1, 2, 2)), true, valid)
+    truth, run = constant_error([0.0, 0.0], T=4)
+    run.traces["mine"].x.flat[::2] = [100, 1, 50, 3]
+    truth.valid[0, 2] = False
     row = errors(truth, run, burn_in=1).iloc[0]
-    assert row["ticks"] == 2
-    assert row["mse"] == pytest.approx((1 + 9) / 2)
-    assert row["final_error"] == 3
+    assert (row["ticks"], row["mse"], row["final_error"]) == (2, (1 + 9) / 2, 3)
 
 
-def test_divergence_looks_at_the_last_quarter_only():
+def test_divergence_is_that_of_the_last_quarter():
     true = np.zeros((2, 8, 1, 2))
     x = true.copy()
     x[0, :6, 0, 0] = 7.0  # lost early, found late
@@ -97,10 +93,10 @@ def test_the_score_is_best_for_the_true_covariance():
     assert min(found.values()) > best + 0.1
 
 
-def test_a_singular_covariance_has_no_area_and_an_infinite_score_even_where_it_is_right():
-    for offset in (0.0, 1.0):
-        row = errors(*constant_error([offset, 0], P=np.zeros((2, 2)))).iloc[0]
-        assert (row["nll"], row["area95"]) == (np.inf, 0.0)
+@pytest.mark.parametrize("offset", [0.0, 1.0])
+def test_a_singular_covariance_has_no_area_and_an_infinite_score_even_where_it_is_right(offset):
+    row = errors(*constant_error([offset, 0], P=np.zeros((2, 2)))).iloc[0]
+    assert (row["nll"], row["area95"]) == (np.inf, 0.0)
 
 
 def test_an_estimator_that_is_not_built_in_is_marked_unchecked():
