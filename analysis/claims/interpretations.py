@@ -1,9 +1,8 @@
 """The interpretations that a vague paper allows: one choice in every dimension, applied to every method alike.
 
-A dimension is a sentence of the paper that can be read in several ways. Its first choice is that of the study's preset,
-and one is marked as nearest to the paper's letter; a choice sets parameters of estimators that have them, or of the
-scenario. Of all combinations a design is run: preset, letter, every choice that differs from either in one dimension
-alone, and a covering array of strength two, in which every pair of choices of any two dimensions stands.
+A dimension is a sentence of the paper that can be read in several ways. Of all combinations a design is run: preset
+(all first choices), the paper's letter, every choice that differs from either in one dimension alone, and a covering
+array of strength two, in which every pair of choices of any two dimensions stands.
 
 Sources: S. Steegen, F. Tuerlinckx, A. Gelman, W. Vanpaemel, "Increasing transparency through a multiverse analysis",
 Perspectives on Psychological Science 11(5), 2016; D. Cohen et al., "The AETG system: an approach to testing based on

@@ -36,10 +36,10 @@ FAR = 5.0  # times the median trial's RMSE
 
 
 class CellRows(NamedTuple):
-    """The results of one estimator in one scenario."""
+    """The results of one estimator in one scenario, in trials that succeeded."""
 
-    rows: pd.DataFrame  # of `errors`, of trials that succeeded
-    trials: pd.DataFrame  # as of `trial_means`: a row per trial that succeeded
+    rows: pd.DataFrame  # of `errors`
+    trials: pd.DataFrame  # as of `trial_means`
 
 
 class Statistic(NamedTuple):
@@ -127,11 +127,8 @@ def summarize(errors: pd.DataFrame) -> pd.DataFrame:
         stream: hash of the scenario's stream, over its trials
         certificate: one line on the estimator's checks; empty for a built-in one, and where none were asked for
 
-    Args:
-        errors: from `errors`, or the rows of a run directory.
-
     Raises:
-        BadInput: `errors` is not such a table.
+        BadInput: `errors` is neither from `errors` nor the rows of a run directory.
 
     """
     _demand_errors(errors)

@@ -144,10 +144,7 @@ def errors(truth: Truth, run: Run, burn_in: int = 0) -> pd.DataFrame:
         offline: True for an estimator that saw the readings of later ticks, too; only where there is such
         "note: NAME": what an estimator counted itself, if anything; a NAME that begins with "largest" is a maximum
 
-    Args:
-        truth: from `simulate`, of the same stream as the run.
-        run: from `run`.
-        burn_in: first ticks that do not count.
+    Ticks before `burn_in` do not count.
 
     Raises:
         BadInput: truth and run are swapped or of different streams, or no tick is left to count.

@@ -41,10 +41,11 @@ Estimates = Mapping[str, Trace | str | Path] | str | Path  # by name, or a folde
 
 
 def judge(truth: Truth, stream: Stream, estimates: Estimates, burn_in: int = 0, offline: bool = False) -> pd.DataFrame:
-    """Return the errors of trajectories that were computed elsewhere: in C++, MATLAB, ROS, from the saved stream.
+    """Return the errors, as of `cl.errors`, of trajectories computed elsewhere (C++, MATLAB, ROS) from a saved stream.
 
     Their `certificate` is "not checked: computed elsewhere". Where there are no covariances, consistency is not
-    assessed, and they do not qualify as best; costs that are not known are nan.
+    assessed, and they do not qualify as best; costs that are not known are nan. `pd.concat` joins them with the rows of
+    `cl.run` on the same stream.
 
     Args:
         truth: from `simulate`, of the same stream.
@@ -53,9 +54,6 @@ def judge(truth: Truth, stream: Stream, estimates: Estimates, burn_in: int = 0, 
             called); or one folder that holds such files, or a folder of each.
         burn_in: first ticks that do not count.
         offline: whether they were computed from the readings of all ticks at once, such as by a smoother.
-
-    Returns:
-        As `cl.errors`, with `certificate`; join it with the rows of `cl.run` on the same stream by `pd.concat`.
 
     Raises:
         BadInput: truth and stream do not belong together, or a trajectory does not fit them; says where.
@@ -204,16 +202,8 @@ def _read_poses(path: Path, stream: Stream) -> Array:
 def to_tum(truth: Truth, run: Run, folder: str | Path, time: Array | None = None) -> list[Path]:
     """Write `ESTIMATOR/trial0-robot0.txt` for each trial, robot and estimator, and `truth/trial0-robot0.txt`.
 
-    Characters unfit for a file name become "_". Ticks without truth are left out of the truth's file.
-
-    Args:
-        truth: of the same stream as the run.
-        run: from `run`.
-        folder: created if it does not exist.
-        time: (T,) of the ticks [s], such as `stream.time`; without it their number, from 1.
-
-    Returns:
-        The files, the truth's first.
+    Characters unfit for a file name become "_". Ticks without truth are left out of the truth's file. `time` (T,) is
+    that of the ticks [s], such as `stream.time`; without it their number, from 1. Return the files, the truth's first.
 
     Raises:
         BadInput: truth and run are swapped or of different streams, `time` is not one number a tick, or two

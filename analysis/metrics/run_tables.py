@@ -66,13 +66,9 @@ def information(errors: pd.DataFrame, seed: int) -> pd.DataFrame:
         between: what is read of teammates: "none", "rssi" or "range"
         fusion: "alone", "product" of beliefs, covariance "intersection", "centralised", or the "bound"
         filter: that the rule builds on: "particles", "Kalman", or "MAP" for the bound
-        floor [m]: the Cramer-Rao floor, given odometry and the readings of this cell alone, over at most 20 trials; for
-            "doa" given angles alone, not for a Kalman filter that weighs each by its gradient
+        floor [m]: the Cramer-Rao floor of the streams of this seed, given odometry and the readings of this cell alone;
+            for "doa" given angles alone, not for a Kalman filter that weighs each by its gradient
         change: of RMSE, against the same filter with the same own readings and no teammates
-
-    Args:
-        errors: the rows of a run.
-        seed: of the run, whose streams the floors are of.
 
     Raises:
         BadInput: no estimator has a cell.
@@ -150,13 +146,8 @@ def sensitivity(errors: pd.DataFrame, seed: int, baseline: str = "arl") -> pd.Da
         value: that of the parameter
         preset: the parameter's value where it is not swept
         estimator, scenario: without what is swept
-        floor [m]: the Cramer-Rao floor of all readings, over at most 20 trials; nan where none holds
+        floor [m]: the Cramer-Rao floor of all readings in the streams of this seed; nan where none holds
         change: of RMSE, against the baseline's at the same value
-
-    Args:
-        errors: the rows of a run.
-        seed: of the run, whose streams the floors are of.
-        baseline: the estimator that others are compared with.
 
     Raises:
         BadInput: nothing is swept, or the baseline was not run at some value.

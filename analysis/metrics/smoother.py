@@ -65,13 +65,7 @@ class Smoother:
 
 
 def smoother(stream: Stream, passes: int = 50) -> Array:
-    """Return the most probable states (t, T, n, d) of a team, given all readings of all ticks.
-
-    Args:
-        stream: from `simulate`.
-        passes: as of `Smoother`.
-
-    """
+    """Return the most probable states (t, T, n, d) of a team, given all readings of all ticks, as of `Smoother`."""
     return trace("smoother", Smoother(passes), stream).x
 
 
