@@ -1,8 +1,5 @@
 """Bags of all three kinds: what is read is what was written."""
 
-import os
-from pathlib import Path
-
 import numpy as np
 import pytest
 from made_bags import KINDS, RATE, START, TOPICS, made_bag
@@ -41,16 +38,8 @@ def test_values_and_header_stamps_equal_those_written(bag):
         assert series[topic].clock == ("header" if stamped else "receipt")
 
 
-def test_a_topic_that_is_not_there_or_not_read_is_named(bag):
-    with pytest.raises(BadInput, match="did you mean '/red/odom'"):
-        read_topics(bag[0], ["/red/odm"])
-    with pytest.raises(BadInput, match="has type std_msgs/msg/String, which is not read"):
-        read_topics(bag[0], ["/chatter"])
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_headers_of_a_clock_that_was_not_set_are_shifted_to_the_recorders(tmp_path, kind):
-    path, written = made_bag(tmp_path, kind, behind=86_400)
+def test_headers_of_a_clock_that_was_not_set_are_shifted_to_the_recorders(tmp_path):
+    path, written = made_bag(tmp_path, "mcap", behind=86_400)
     series, (warning,) = read_topics(path, ["/red/odom", "/red/cmd"])
     assert "86400.0 s behind" in warning
     np.testing.assert_allclose(series["/red/odom"].time, written["/red/odom"][0] + 0.005, atol=1e-6)
@@ -66,8 +55,6 @@ def test_several_bags_are_read_as_one_and_the_silence_between_them_is_a_gap(tmp_
     assert all(len(info.gaps) == 1 and info.gaps[0][1] == pytest.approx(2.1) for info in found)
 
 
-DATA = Path(os.environ.get("COOPLOC_DATA", "../shared/data"))
-REAL = DATA / "uwb-tiers"
 DESCRIPTION = """
 format = "bag"
 robots = ["red", "blue"]
@@ -90,22 +77,9 @@ topics = { red = "/red/seen" }
 [anchors]
 places = { north = [3, 4] }
 """
-TWO = """
-format = "bag"
-robots = ["turtle01", "turtle03"]
-[odometry]
-kind = "velocity"
-topic = "/{robot}/odom"
-[truth]
-topics.turtle01 = "/vrpn_client_node/turtlebot01_cap/pose"
-topics.turtle03 = "/vrpn_client_node/turtlebot03_cap/pose"
-[ranges]
-topic = "/uwb/tof/n_{robot}/n_{other}/distance"
-nodes = { 2 = "turtle01", 3 = "turtle03" }
-"""
 
 
-def described(folder, text=DESCRIPTION):
+def load(folder, text=DESCRIPTION):
     (folder / "log.toml").write_text(text)
     return schema.load(folder / "log.toml")
 
@@ -114,7 +88,7 @@ def described(folder, text=DESCRIPTION):
 def team(request, tmp_path_factory):
     folder = tmp_path_factory.mktemp(request.param)
     _, written = made_bag(folder, request.param)
-    description = described(folder)
+    description = load(folder)
     runs = bags.find_runs(folder, description)
     assert list(runs) == ["team"]
     return bags.read_run(folder, runs["team"], "team", description), written
@@ -157,20 +131,11 @@ def test_a_topic_that_does_not_fit_is_one_line(tmp_path, old, new, said):
     assert old in DESCRIPTION
     path, _ = made_bag(tmp_path, "mcap")
     with pytest.raises(BadInput, match=said):
-        bags.read_run(tmp_path, path, "team", described(tmp_path, DESCRIPTION.replace(old, new, 1)))
+        bags.read_run(tmp_path, path, "team", load(tmp_path, DESCRIPTION.replace(old, new, 1)))
 
 
 def test_each_bag_in_a_directory_is_a_run_and_a_directory_of_bags_is_one(tmp_path):
     made_bag(tmp_path, "ros1")
     (tmp_path / "each").mkdir()
     made_bag(tmp_path / "each", "mcap")
-    assert sorted(bags.find_runs(tmp_path, described(tmp_path))) == ["each", "team"]
-
-
-@pytest.mark.skipif(not REAL.exists(), reason="needs ../shared/data/uwb-tiers")
-def test_two_recorded_robots_are_read(tmp_path):
-    log = bags.read_run(REAL, REAL / "two-robots", "two-robots", described(tmp_path, TWO))
-    assert [len(series.time) for series in log.odometry] == [848, 851]
-    assert [len(series.time) for series in log.truth] == [5431, 5431]
-    assert len(log.readings["range"].time) == 3437
-    assert log.warnings == ()
+    assert sorted(bags.find_runs(tmp_path, load(tmp_path))) == ["each", "team"]
