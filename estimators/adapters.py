@@ -55,11 +55,7 @@ def drop_short(reading: Array, distance: Array) -> Array:
 
 @contextmanager
 def seed_global_state(key: Keys, *place: int) -> Iterator[None]:
-    """Seed `random` and `numpy.random` for a block by a key (k,) and whole numbers of 0 or more; then restore them.
-
-    For libraries that draw from the global state, as filterpy's EnKF does: the same call draws the same numbers in any
-    order, process and company.
-    """
+    """Seed `random` and `numpy.random` for a block by a key (k,) and whole numbers of 0 or more; then restore them."""
     seeds = np.random.SeedSequence((*key.tolist(), *place))
     numpy_random: Any = np.random  # its stubs lack the bit generator of the global state
     before, generator = random.getstate(), numpy_random.get_bit_generator()
@@ -75,14 +71,12 @@ def seed_global_state(key: Keys, *place: int) -> Iterator[None]:
             numpy_random.set_state(state)
 
 
-# The parameters of a plain class or function: what it takes beside what it is always given. A default may be
-# `cl.tunable(...)`, as in a dataclass: the class gets its default, and `cooploc tune` may change it.
-
-
 def parameters(make: Callable[..., Any], given: tuple[str, ...]) -> dict[str, Parameter] | None:
-    """Return those of a class or function after the arguments that it is always given, by name.
+    """Return what a class or function takes after the arguments that it is always given, by name; None: any name.
 
-    None: it takes any name (`**rest`), or does not say what it takes. TypeError: it cannot be called with `given`.
+    Raises:
+        TypeError: it cannot be called with `given`.
+
     """
     try:
         taken = list(signature(make).parameters.values())
@@ -104,12 +98,7 @@ def unpack_default(given: Any) -> Any:
 
 
 # What `PerRobot` and `PerTeam` share: each has these fields, and these functions as its methods. `p` is one of them.
-# An option that is not given in the call is read from the class, so that it can be named on the command line as it is:
-#
-#     class Ukf:
-#         uses = ("odometry", "anchor_rssi")
-#         axes = "its sigma points lie along the axes"
-#         def __init__(self, prior, world, robot, key, alpha: float = cl.tunable(0.5, 0.01, 1, log=True)): ...
+# An option that is not given in the call is read from the class, so that it can be named on the command line as it is.
 
 STEPS = ("init", "predict", "correct", "send", "fuse", "exchange", "estimate")
 OPTIONS = {"uses": ("odometry",), "axes": "", "notes": (), "own_random": False, "own_motion": ""}  # with their defaults
@@ -177,10 +166,6 @@ def _repr_of(p: "Adapter") -> str:
     return f"{type(p).__name__}({_label_of(p)})"
 
 
-def _trained_on(p: "Adapter") -> str:
-    return str(getattr(p.make, "trained_on", ""))
-
-
 def _call_each(p: "Adapter", s: Objects, step: str, call: Callable[[Any, int], Any]) -> list[Any]:
     """Call a function with every object and its row, under a global random state of its own where it asks so."""
     found = []
@@ -229,8 +214,7 @@ ROUNDING = 1e-9  # of the largest entry
 def parse_belief(one: Any) -> Belief:
     """Return the belief of an object, of its `estimate()` or its own `x` and `P`, made fit for a run.
 
-    Libraries let a heading grow beyond pi, keep states as columns (d, 1), and leave P unsymmetric by rounding: that is
-    mended, and whatever is more than rounding is left for the run to refuse.
+    Libraries let a heading grow beyond pi, keep states as columns (d, 1), and leave P unsymmetric by rounding.
     """
     if hasattr(one, "estimate"):
         found = one.estimate()
@@ -252,30 +236,29 @@ def parse_belief(one: Any) -> Belief:
     return Belief(x, P)
 
 
-# A plain object that runs on one robot: the filter loop one would write with filterpy. Run `PerRobot(MyLoop, gate=9)`,
-# or name it on the command line, `path.py:MyLoop[gate=9]`. A batched version is about fifty times faster.
-#
-#     class MyLoop:
-#         uses = ("odometry", "anchor_rssi")
-#         def __init__(self, prior, world, robot, key, gate: float = 13.8): ...  # parameters after the first four
-#         def predict(self, z): ...       # z.odometry (k,), z.dt
-#         def correct(self, z): ...       # z.anchor_rssi (a,), z.landmark (l, 2), or world.fixed(z)
-#         def send(self): ...             # (m,) numbers; optional
-#         def fuse(self, mail): ...       # mail.packets (n, m) where mail.heard (n,); optional
-#         def estimate(self): ...         # x (d,), P (d, d); not needed where the object has these as self.x and self.P
-
-
 @dataclass(frozen=True, init=False, repr=False)
 class PerRobot:
-    """One object per robot and trial, made by `make(prior, world, robot, key, **parameters)`: a class, or a function.
+    """Plain objects as an estimator, one per robot and trial: the filter loop one would write with filterpy.
+
+        class MyLoop:
+            uses = ("odometry", "anchor_rssi")
+            def __init__(self, prior, world, robot, key, gate: float = 13.8): ...  # parameters after the first four
+            def predict(self, z): ...       # z.odometry (k,), z.dt
+            def correct(self, z): ...       # z.anchor_rssi (a,), z.landmark (l, 2), or world.fixed(z)
+            def send(self): ...             # (m,) numbers; optional
+            def fuse(self, mail): ...       # mail.packets (n, m) where mail.heard (n,); optional
+            def estimate(self): ...         # x (d,), P (d, d); not needed where these are self.x and self.P
+
+    Run `PerRobot(MyLoop, gate=9)`, or name it on the command line, `path.py:MyLoop[gate=9]`. A batched version is about
+    fifty times faster.
 
     Args:
-        make: what makes an object from its robot's prior (x (d,), P (d, d)), the world, the robot's number and its key.
+        make: the class, or a function with the same arguments.
         uses: the channels that it reads, as `Estimator` says.
         axes: why its estimates do not turn with the world, as those of an unscented filter do not.
         notes: names of attributes of the objects, numbers that they count; shown under the table.
         own_random: whether it uses a library that draws from the global state of `random` or `numpy.random`: each call
-            is then given one of its own, by trial, robot and tick, and the global state is restored afterwards.
+            then has a state of its own, by trial, robot and tick.
         own_motion: why it does not move as dead reckoning does where it has odometry alone.
         parameters: what `make` takes beside; a default `cl.tunable(...)`, in its signature or here, may be tuned.
 
@@ -299,7 +282,7 @@ class PerRobot:
         _set_fields(self, make, OPTIONS, {"uses": uses, **options})
 
     label = property(_label_of)
-    trained_on = property(_trained_on)
+    trained_on = property(lambda self: str(getattr(self.make, "trained_on", "")))
     parameters = property(_all_parameters)
     with_parameters = _with_parameters
     __repr__ = _repr_of
@@ -312,7 +295,10 @@ class PerRobot:
         return _make_objects(self, prior, world, rows, [(robot,) for robot in rows.robot.tolist()])
 
     def send(self, s: Objects, z: Senses) -> Array:
-        packets = _call_each(self, s, "send", lambda robot, _: _packet_of(robot))
+        sent = _call_each(self, s, "send", lambda robot, _: robot.send() if hasattr(robot, "send") else ())
+        packets = [np.array(packet, float) for packet in sent]
+        if wrong := [packet.shape for packet in packets if packet.ndim != 1]:
+            raise ValueError(f"send() returned shape {wrong[0]}; it must be one axis of numbers")
         widths = {len(packet) for packet in packets}
         if len(widths) > 1:
             raise ValueError(f"send() returned packets of {sorted(widths)} numbers; fill the shorter ones with nan")
@@ -323,16 +309,8 @@ class PerRobot:
         return s
 
 
-def _packet_of(robot: Any) -> Array:
-    """Return the packet (m,) of a robot; nothing where it has no `send`."""
-    packet: Array = np.array(robot.send(), float) if hasattr(robot, "send") else np.empty(0)
-    if packet.ndim != 1:
-        raise ValueError(f"send() returned shape {packet.shape}; it must be one axis of numbers")
-    return packet
-
-
 class Radio:
-    """One tick's radio of a team that one object runs; axis 0 is the receiver, axis 1 the sender, as in `Mail`.
+    """The radio of a team that one object runs, in one tick; axis 0 is the receiver, axis 1 the sender.
 
     Attributes:
         heard (n, n): who has received a packet of whom in this tick.
@@ -342,17 +320,16 @@ class Radio:
     """
 
     def __init__(self, air: Mail, awake: Mask, centralised: bool = False) -> None:
-        """A radio over the links `air.heard`; of a centralised team everything is known from the start."""
+        """Begin a tick over the links `air.heard`; a centralised team has heard everything from the start."""
         self._air, self._awake = air, awake
         self.heard: Mask = air.heard.copy() if centralised else np.zeros_like(air.heard)
         self.rssi, self.range = (np.where(self.heard, a, np.nan) for a in (air.rssi, air.range))
         self.messages, self.bytes = np.zeros(len(awake)), np.zeros(len(awake))
 
     def send(self, sender: int, receiver: int, numbers: Sequence[float] | Array) -> Array | None:
-        """Send a packet (m,) to one teammate, which costs the sender one message; return it as the receiver gets it.
+        """Send a packet (m,) to one teammate, which costs the sender one message; return it, None where it is lost.
 
-        None where it does not arrive, or the sender is asleep. A packet of nothing but nan is silence: it is neither
-        sent nor paid.
+        One of nothing but nan, or of a sender that is asleep, is neither sent nor paid.
         """
         if sender == receiver:
             raise ValueError(f"robot {sender} sends a packet to itself; it has what it would send")
@@ -382,29 +359,26 @@ class Radio:
         return True
 
 
-# A plain object that holds a whole team: a loop over robots, as one writes it in a script.
-#
-#     class MyTeam:
-#         uses = ("odometry", "anchor_rssi", "radio_range")
-#         centralised = False             # the default is True
-#         def __init__(self, prior, world, keys, gate: float = 13.8): ...  # prior x (n, d), P (n, d, d); keys (n, 2)
-#         def predict(self, z): ...       # z.odometry (n, k), z.dt (n,)
-#         def correct(self, z): ...       # z.anchor_rssi (n, a), z.landmark (n, l, 2), or world.fixed(z)
-#         def exchange(self, z, radio): ...  # readings between robots: z.sighting (n, n, 2), world.relative(z, radio)
-#         def estimate(self): ...         # x (n, d), P (n, d, d); not needed where these are self.x and self.P
-#
-# A *centralised* team may use everything in `exchange`; each of its robots pays for the readings it uploads, which the
-# runner counts. A *distributed* team sends packets by `radio.send` and `radio.broadcast`, each 8 bytes for each finite
-# number and a header, paid whether it arrives or not; a radio reading of a teammate exists once it was heard.
-# As all share one object's memory, a check cannot see what one robot read of another: its bytes are as declared.
-
-
 @dataclass(frozen=True, init=False, repr=False)
 class PerTeam:
-    """One object per trial, made by `make(prior, world, keys, **parameters)`: a class, or a function.
+    """Plain objects as an estimator, one per trial: a loop over a whole team, as one writes it in a script.
+
+        class MyTeam:
+            uses = ("odometry", "anchor_rssi", "radio_range")
+            centralised = False             # the default is True
+            def __init__(self, prior, world, keys, gate: float = 13.8): ...  # prior x (n, d), P (n, d, d); keys (n, 2)
+            def predict(self, z): ...       # z.odometry (n, k), z.dt (n,)
+            def correct(self, z): ...       # z.anchor_rssi (n, a), z.landmark (n, l, 2), or world.fixed(z)
+            def exchange(self, z, radio): ...  # between robots: z.sighting (n, n, 2), world.relative(z, radio)
+            def estimate(self): ...         # x (n, d), P (n, d, d); not needed where these are self.x and self.P
+
+    A *centralised* team may use everything in `exchange`; the runner counts the readings that its robots upload. A
+    *distributed* one sends packets by `radio.send` and `radio.broadcast`, each 8 bytes for each finite number and a
+    header, paid whether it arrives or not; a radio reading of a teammate exists once it was heard. No check can see
+    what one robot read of another in one object's memory: its bytes are as declared.
 
     Args:
-        make: what makes an object from the team's priors, the world, and the robots' keys.
+        make: the class, or a function with the same arguments.
         uses, axes, notes, own_random, own_motion, parameters: as those of `PerRobot`.
         centralised: whether all readings reach one computer; then the runner counts what its robots upload.
         bound: whether it uses all readings as well as any estimator could.
@@ -431,7 +405,7 @@ class PerTeam:
         _set_fields(self, make, TEAM_OPTIONS, {"uses": uses, **options})
 
     label = property(_label_of)
-    trained_on = property(_trained_on)
+    trained_on = property(lambda self: str(getattr(self.make, "trained_on", "")))
     parameters = property(_all_parameters)
     with_parameters = _with_parameters
     __repr__ = _repr_of
@@ -452,8 +426,7 @@ class PerTeam:
 Adapter = PerRobot | PerTeam
 
 
-# A tick's motion and readings as functions of the state: sigma points, particles and factors take f(x) and h(x), linear
-# filters take matrices, both take the noise.
+# A tick's motion and readings as functions of the state, for filters of libraries:
 #
 #     step = cl.motion_of(world, z)
 #     ukf.Q = step.Q(ukf.x)
@@ -461,8 +434,7 @@ Adapter = PerRobot | PerTeam
 #     for one in cl.readings_of(world, z):
 #         ukf.update(one.z, one.R, hx=one.h)     # or, with a linear one: kf.update(*one.linear(kf.x))
 #
-# Angles need no care of the library's: a heading goes on beyond pi, so that points have their mean between them, and
-# h(x) is within pi of the reading, so that z - h(x) is the innovation.
+# A heading goes on beyond pi, so that sigma points have their mean between them, and h(x) is within pi of the reading.
 
 
 class Linear(NamedTuple):
@@ -509,7 +481,7 @@ class Step:
 
 @dataclass(frozen=True)
 class Reading:
-    """One reading (k,) of a fixed thing."""
+    """A reading (k,) of a fixed thing."""
 
     sensor: Sensor
     place: Array  # (2,)

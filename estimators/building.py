@@ -58,10 +58,9 @@ class ConfiguredEstimator:
 
 
 def build(name: str, found: Any, given: Mapping[str, Any]) -> Any:
-    """Return an instance of the class `found`, or `found` itself where it is an instance.
+    """Return an instance of the class `found`, what a function returns, or `found` itself where it is an instance.
 
-    A plain class for one robot, or for a team, is adapted; of what `PerRobot` and `PerTeam` made, parameters are those
-    of the class inside; a function is called with the parameters.
+    A plain class is adapted; what `PerRobot` or `PerTeam` made takes the parameters of the class inside.
 
     Raises:
         BadInput: an unknown parameter, a value that does not fit, or a class that cannot be instantiated.

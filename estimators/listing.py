@@ -8,7 +8,7 @@ arrival from nodes; RSSI or range from teammates), that had the smallest error o
 
 from dataclasses import replace
 from functools import cache
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from cooploc.estimators import configure, make, names, plugin_errors
 from cooploc.estimators.errors import BadInput
@@ -23,7 +23,7 @@ HOW = ("engine", "weights")  # parameters of how a result is computed, not of wh
 
 
 class Configurations(NamedTuple):
-    """The labels of a method's two configurations."""
+    """The labels of a method as published and at its best."""
 
     published: str
     best: str
@@ -77,24 +77,16 @@ def listing() -> "DataFrame":
 
     Columns: `name`; `about`, in a sentence; `uses`, the channels it needs; `centralised`, whether all readings reach
     one computer; `bound`, whether it bounds all others; `offline`, whether it sees later readings too; `published` and
-    `best`, its configurations as published and at its best (see `configurations`); `source`, the paper;
-    `problem`, why a plug-in cannot be used, empty where it can.
+    `best`, its configurations; `source`, the paper; `problem`, why a plug-in cannot be used, empty where it can.
     """
     from pandas import DataFrame
 
-    problems, no = plugin_errors(), dict.fromkeys(("centralised", "bound", "offline"), False)
-    empty = (
-        dict.fromkeys(("name", "about", "uses"), "")
-        | no
-        | dict.fromkeys(("published", "best", "source", "problem"), "")
-    )
-    rows = [_row(name, make(name)) for name in names() if name not in problems]
-    rows += [{"name": name, "problem": reason} for name, reason in problems.items()]
-    return DataFrame([{**empty, **row} for row in rows])
-
-
-def _row(name: str, made: Any) -> dict[str, Any]:
-    about, has = (type(made).__doc__ or "").strip().partition("\n")[0], traits(made)
-    flags = {"centralised": has.centralised, "bound": has.bound, "offline": has.offline}
-    row = {"name": name, "about": about, "uses": ", ".join(made.uses), "source": source_of(type(made))}
-    return {**row, **flags, **configurations(name)._asdict()}
+    rows, problems = [], plugin_errors()
+    for name in (name for name in names() if name not in problems):
+        made = make(name)
+        has, about = traits(made), (type(made).__doc__ or "").strip().partition("\n")[0]
+        flags = has.centralised, has.bound, has.offline
+        rows.append((name, about, ", ".join(made.uses), *flags, *configurations(name), source_of(type(made)), ""))
+    rows += [(name, "", "", *(False,) * 3, "", "", "", reason) for name, reason in problems.items()]
+    columns = "name about uses centralised bound offline published best source problem"
+    return DataFrame(rows, columns=columns.split())

@@ -1,9 +1,8 @@
 """Plug-ins in Python files: how `path.py:Name` becomes an object, and which files a plug-in is made of.
 
 A file is imported under a name made from its content and that of its neighbours, the modules in its folder that it
-imports: loading it again gives the same classes, and an edited file gives new ones. Paths stay as written, relative to
-the directory where the run began, which its workers share. What is sent to another process names the files that it
-needs, and these are loaded there first. Which files a plug-in is made of is found without importing them.
+imports: loading it again gives the same classes, and an edited file gives new ones. Which files a plug-in is made of is
+found without importing them.
 """
 
 import ast
@@ -110,12 +109,7 @@ def _import_file(path: Path) -> ModuleType:
 def _neighbours_first(file: Path, helpers: list[Named]) -> Iterator[None]:
     """Let a file's neighbours come before all other modules while the block runs, in their present version.
 
-    Python keeps one module of a name: a neighbour that was edited, or that another folder's plug-in has brought, makes
-    way.
-
-    Raises:
-        BadInput: a module of a neighbour's name comes from elsewhere.
-
+    Python keeps one module of a name: one that was edited, or that another folder's plug-in has brought, makes way.
     """
     now = {_module_name(name): (path.resolve(), path.read_bytes()) for name, path in helpers}
     loaded = {name: getattr(sys.modules[name], "__file__", None) for name in now if name in sys.modules}
@@ -146,10 +140,7 @@ def _module_name(name: str) -> str:
 
 
 def neighbours_of(file: Path) -> list[Named]:
-    """Return the modules that a Python file imports from its own folder, and those that these import from there.
-
-    Only `import` statements count, wherever they stand. `cooploc` is the one that runs, also in its own source folder.
-    """
+    """Return the modules that a Python file imports from its own folder, and those that these import from there."""
     found: dict[str, Path] = {}
     waiting, folder = [file], file.parent
     while waiting:
@@ -213,9 +204,6 @@ def _imported_names(file: Path) -> set[str]:
 
 def artifacts_of(files: Iterable[Path]) -> list[Named]:
     """Return the files that the classes of these files say they learned, each once: `artifacts = ("weights.npz",)`.
-
-    The paths are written out in the class, from the folder of its file. The artifacts are hashed with the source, so
-    that other weights are another estimator: a run is not continued with them, and its certificate does not hold.
 
     Raises:
         BadInput: one of them is not there, or is not a path from the folder of its file.

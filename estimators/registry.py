@@ -48,27 +48,21 @@ class Registry:
         return load_object(place, f"the plug-in {self.kind} {name!r} ({place})")
 
     def module_of(self, name: str) -> str:
-        """Return the module of an installed plug-in; empty for a built-in name and for a file.
-
-        Raises:
-            BadInput: an unknown name, or one that two plug-ins claim.
-
-        """
+        """Return the module of an installed plug-in; empty for a built-in name and for a file."""
         return "" if name in self.builtin or is_file(name) else self.place_of(name).partition(":")[0]
 
     def place_of(self, name: str) -> str:
         """Return `module:Name` of an installed plug-in.
 
         Raises:
-            BadInput: as `module_of`.
+            BadInput: an unknown name, or one that two plug-ins claim.
 
         """
         points = self._plugins().get(name)
         if points is None:
             raise BadInput(f"there is no {self.kind} {name!r}; {nearest(name, self.names())}")
         if len(points) > 1:
-            claims = [f"{one.value} of {one.dist.name if one.dist else 'an unknown package'}" for one in points]
-            both = " and ".join(claims)
+            both = " and ".join(f"{p.value} of {p.dist.name if p.dist else 'an unknown package'}" for p in points)
             raise BadInput(f"{len(points)} plug-ins are called {self.kind} {name!r}: {both}; uninstall all but one")
         return points[0].value
 
@@ -170,12 +164,10 @@ def traits(estimator: Any) -> Traits:
 
 def refusal(estimator: Any) -> str:
     """Return the reason why an estimator does not fit this version of the interface; empty where it does."""
-    uses = getattr(estimator, "uses", None)
-    if reason := wrong_version(estimator):
-        return reason
-    if not (isinstance(uses, tuple) and all(isinstance(channel, str) for channel in uses)):
+    uses, reason = getattr(estimator, "uses", None), wrong_version(estimator)
+    if not reason and not (isinstance(uses, tuple) and all(isinstance(channel, str) for channel in uses)):
         return f"uses is {uses!r}; it must be a tuple of channel names, such as ('odometry', 'anchor_rssi')"
-    return ""
+    return reason
 
 
 def wrong_version(estimator: Any) -> str:
@@ -192,11 +184,7 @@ def source_of(cls: type) -> str:
 
 
 class CallablePackage(ModuleType):
-    """A package whose call returns its `table()`: `cl.estimators()`, `cl.scenarios()`.
-
-    Importing a sub-package sets an attribute of its parent, so `cooploc.estimators` is the package and could not stay a
-    function of that name. It is made callable by `sys.modules[__name__].__class__ = CallablePackage`.
-    """
+    """A package whose call returns its `table()`: `cl.estimators` is the package, and `cl.estimators()` the table."""
 
     def __call__(self) -> "DataFrame":
         """Return one row for everything that can be used by name."""

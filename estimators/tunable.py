@@ -9,8 +9,7 @@
 A plain class that `PerRobot` or `PerTeam` adapts declares in its signature:
 `def __init__(self, prior, world, robot, key, alpha=tunable(0.5, 0.01, 1))`.
 
-Declare what the method leaves to its user: not what all are given alike (noise of sensors, path loss), not which
-readings it uses, and not what buys accuracy with computing time, such as a number of particles.
+Declare what the method leaves to its user: not which readings it uses, nor what buys accuracy with computing time.
 """
 
 from collections.abc import Mapping
@@ -73,10 +72,9 @@ def tunable(
 
 
 def declarations(estimator: Any) -> Mapping[str, Tunable]:
-    """Return what an estimator declares tunable, by parameter; nothing where it is not a dataclass.
+    """Return what an estimator declares tunable, by parameter, with the present value as the default.
 
-    The default is the present value; a parameter that does nothing with its other values is left out. Of an adapted
-    class it is what its signature declares.
+    A parameter that does nothing with the other values is left out.
     """
     if isinstance(estimator, Adapter):
         found, values = tunable_fields(estimator), estimator.parameters

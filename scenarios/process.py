@@ -66,10 +66,7 @@ class RemoteTraceback(Exception):
 
 
 class Outcome(NamedTuple):
-    """The result of a call in another process, or the exception it raised, as text.
-
-    An exception is pickled, too, where its class is Python's or ours: another would import its plug-in.
-    """
+    """The result of a call in another process, or its exception: as text, and pickled if its class is known here."""
 
     pickled: bytes  # the result or the exception; empty for other exceptions
     printed: str  # on its stdout
@@ -125,7 +122,7 @@ def submit(owner: str, jobs: int, function: Callable[..., Any], *arguments: Any)
 
 
 def wait_for(owner: str, future: "Future[Outcome]", seconds: float = float("inf")) -> Any:
-    """Return the result of a call, or raise as `call` says; an end of the wait ends the owner's processes too."""
+    """Return the result of a call, or raise as `call` says; where the wait fails, the owner's processes end."""
     try:
         outcome = future.result(seconds if seconds < threading.TIMEOUT_MAX else None)
     except BrokenExecutor as e:
@@ -231,16 +228,9 @@ def limit_time(
 ) -> Iterator[Callable[..., Any]]:
     """Limit the time of a block; yields a watcher that makes every call of the estimator and looks at the clock.
 
-    Trials that run together share their calls. So one call may take as long as one trial may, and all calls together as
-    long as the trials may that are done by then: one that hangs is noticed after one limit. An alarm interrupts a call
-    that does not return, in a main thread; what an alarm cannot interrupt, such as a compiled loop, ends with its
-    process where `end_process` allows that.
-
-    Args:
-        seconds: for each trial.
-        trials: how many run together.
-        ticks: of each of them.
-        end_process: whether the process may be ended where nothing else stops the block.
+    `seconds` are of one trial. Trials that run together share their calls: one call may take as long as one trial may,
+    and all calls together as long as the trials may that are done by then. An alarm interrupts a call that does not
+    return, in a main thread; what it cannot interrupt, such as a compiled loop, ends with its process if `end_process`.
 
     Raises:
         TimeLimit: the block took longer.
