@@ -66,12 +66,7 @@ class Family:
     word: str = ""  # the parameter that any other word of the label stands for, such as a run's name
 
     def parameters_of(self, name: str, which: str) -> Mapping[str, Any]:
-        """Return the parameters that `which`, the part of a label behind its slash, stands for.
-
-        Raises:
-            BadInput: the family `name` has no such variant or sweep.
-
-        """
+        """Return the parameters that `which`, the part of a label behind its slash, stands for."""
         if not which:
             return {}
         if which in self.variants:
@@ -85,12 +80,7 @@ class Family:
         raise BadInput(f"scenario {name!r} has no {which!r}; known are {', '.join(known) or 'none'}")
 
     def model_class(self, name: str) -> Any:
-        """Return the class of parameters.
-
-        Raises:
-            BadInput: it cannot be imported, or is not a pydantic model.
-
-        """
+        """Return the class of parameters."""
         cls: Any = self.model
         if isinstance(cls, str):
             cls = load_object(cls, f"the model {cls} of scenario {name!r}")
@@ -116,7 +106,10 @@ class StreamOptions(BaseModel):
             for name in [name for name in ("air.range", "extra.anchor_range") if name in arrays]:
                 changed[name] = drop_short(arrays[name], arrays[name])
         if self.team_priors:
-            changed[f"extra.{TEAM_PRIOR}"] = _team_priors(stream)
+            x, P = stream.prior  # of each robot, in every tick, everyone's x and P; one copy for all ticks
+            flat = np.concatenate([x, P.reshape(*x.shape[:-1], -1)], -1)[:, None, None]
+            shape = len(x), len(stream.time), stream.robots, *flat.shape[-2:]
+            changed[f"extra.{TEAM_PRIOR}"] = np.broadcast_to(flat, shape)  # (t, T, n, n, d + d d)
         if not changed:
             return truth, stream
         stream = stream.replace_arrays(changed)
@@ -127,14 +120,6 @@ def split_options(parameters: Mapping[str, Any], own: Mapping[str, Any]) -> tupl
     """Divide options into those of a model, whose fields are `own`, and those of `StreamOptions`."""
     options = {key: value for key, value in parameters.items() if key in StreamOptions.model_fields and key not in own}
     return {key: value for key, value in parameters.items() if key not in options}, options
-
-
-def _team_priors(stream: Stream) -> Array:
-    """Return (t, T, n, n, d + d d): of each robot, in every tick, everyone's prior x and P; one copy for all ticks."""
-    x, P = stream.prior
-    flat = np.concatenate([x, P.reshape(*x.shape[:-1], -1)], -1)[:, None, None]
-    shape = len(x), len(stream.time), stream.robots, *flat.shape[-2:]
-    return np.broadcast_to(flat, shape)
 
 
 MOST_TRIALS = 1_000_000  # of one call
@@ -157,11 +142,8 @@ class ResolvedScenario:
 
     @property
     def settings(self) -> dict[str, Any]:
-        """Every parameter of the model, as JSON, and what else is said of the stream."""
-        return {
-            **self.model.model_dump(mode="json", exclude={"data"}),
-            **self.options.model_dump(exclude_defaults=True),
-        }
+        """Every parameter of the model, as JSON, and options of the stream."""
+        return self.model.model_dump(mode="json", exclude={"data"}) | self.options.model_dump(exclude_defaults=True)
 
     @property
     def is_recording(self) -> bool:
@@ -176,32 +158,30 @@ class ResolvedScenario:
     @property
     def has_size(self) -> bool:
         """True where the model states its size before it runs; a recording's files are not read for this."""
-        return all(hasattr(self.model, name) for name in ("robots", "ticks"))
+        return hasattr(self.model, "robots") and hasattr(self.model, "ticks")
 
     @property
     def robots(self) -> int:
         """Number of robots simulated, else 1."""
-        return getattr(self.model, "robots", 1) if self.has_size else 1
+        return self.model.robots if self.has_size else 1  # type: ignore[attr-defined]
 
     @property
     def ticks(self) -> int:
         """Number of ticks simulated, else 1."""
-        return getattr(self.model, "ticks", 1) if self.has_size else 1
+        return self.model.ticks if self.has_size else 1  # type: ignore[attr-defined]
 
     def trials(self, asked: int) -> int:
         """Return the number of trials of a study that asks for `asked`: a recording has its own number."""
-        count: Callable[[], int] = getattr(self.model, "count", lambda: 1)
-        return count() if self.is_recording else asked
+        count: int = getattr(self.model, "count", lambda: 1)() if self.is_recording else asked
+        return count
 
     def explanations(self) -> list[str]:
         """Return sentences on fitted models and on what was dropped while reading; empty for simulated worlds."""
-        explain: Callable[[], list[str]] = getattr(self.model, "explanations", list)
-        return explain()
+        return list(getattr(self.model, "explanations", list)())
 
     def faults(self) -> list[str]:
         """Return sentences on what was left out, sorted or repaired while reading; empty for simulated worlds."""
-        find: Callable[[], list[str]] = getattr(self.model, "faults", list)
-        return find()
+        return list(getattr(self.model, "faults", list)())
 
     def first_tick(self) -> "ResolvedScenario":
         """Return the same scenario with one tick, where its length can be chosen."""
@@ -256,12 +236,7 @@ class ResolvedScenario:
 def build_scenario(
     label: str, name: str, family: Family, parameters: Mapping[str, Any], assumed: Mapping[str, Any]
 ) -> ResolvedScenario:
-    """Build a family's scenario with these parameters, whose team assumes other values of some.
-
-    Raises:
-        BadInput: an unknown parameter, or a value that does not fit.
-
-    """
+    """Build a family's scenario with these parameters, whose team assumes other values of some."""
     cls = family.model_class(name)
     own, said = split_options(parameters, cls.model_fields)
     for key in own:

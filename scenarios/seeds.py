@@ -31,9 +31,8 @@ def generator(seed: int, trial: int, purpose: Purpose) -> np.random.Generator:
 
 def rows(seed: int, trial: Indices, robots: int) -> Rows:
     """Return identity and key of each (trial, robot) row, trial-major; the same for every estimator."""
-    return Rows(
-        np.repeat(trial, robots), np.tile(np.arange(robots), len(trial)), _keys(seed, tuple(trial.tolist()), robots)
-    )
+    key = _keys(seed, tuple(trial.tolist()), robots)
+    return Rows(np.repeat(trial, robots), np.tile(np.arange(robots), len(trial)), key)
 
 
 @lru_cache(maxsize=16)

@@ -1,4 +1,4 @@
-"""Truth and stream: two objects, so that an estimator can be given what was sensed without what was true.
+"""Truth and stream: two objects, so that an estimator can be given all readings without the true path.
 
 A stream is immutable. Each trial has a hash over its readings, links and prior: results are paired where their hashes
 are equal. A stream's file is a zip of plain arrays (numpy's npz, no pickle) whose member `header` is JSON.
@@ -54,13 +54,8 @@ class Truth:
 
     def select(self, trials: slice | list[int]) -> "Truth":
         """Return some of the trials."""
-        return replace(
-            self,
-            trial=self.trial[trials],
-            x=self.x[trials],
-            valid=self.valid[trials],
-            origin=tuple(np.array(self.origin)[trials].tolist()),
-        )
+        parts = {name: getattr(self, name)[trials] for name in ("trial", "x", "valid")}
+        return replace(self, **parts, origin=tuple(np.array(self.origin)[trials].tolist()))
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,17 +82,15 @@ class Stream:
 
     def _repr_html_(self) -> str:
         links = self.air.link.sum() / max(1, self.air.link[..., 0].size * (self.robots - 1))
-        return facts_table(
-            f"stream of {self.scenario}, seed {self.seed}",
-            (
-                ("trials", len(self.trial)),
-                ("ticks", f"{len(self.time)} of {self.world.tick:g} s"),
-                ("robots", self.robots),
-                ("channels", ", ".join(sorted(self.channels()))),
-                ("links that hold", f"{links:.0%}" if self.robots > 1 else "none, there is one robot"),
-                ("hash", self.hash[:16]),
-            ),
+        facts = (
+            ("trials", len(self.trial)),
+            ("ticks", f"{len(self.time)} of {self.world.tick:g} s"),
+            ("robots", self.robots),
+            ("channels", ", ".join(sorted(self.channels()))),
+            ("links that hold", f"{links:.0%}" if self.robots > 1 else "none, there is one robot"),
+            ("hash", self.hash[:16]),
         )
+        return facts_table(f"stream of {self.scenario}, seed {self.seed}", facts)
 
     @property
     def robots(self) -> int:
@@ -127,11 +120,8 @@ class Stream:
 
     def channels(self) -> set[str]:
         """The channels that this stream has."""
-        has = {
-            name
-            for name in ("odometry", "anchor_rssi", "landmark", "sighting")
-            if getattr(self.senses, name).shape[3] > 0
-        }
+        own = ("odometry", "anchor_rssi", "landmark", "sighting")
+        has = {name for name in own if getattr(self.senses, name).shape[3] > 0}
         has |= {f"radio_{name}" for name in ("rssi", "range") if getattr(self.air, name).shape[3] > 0}
         return has | set(self.senses.extra)
 
@@ -188,9 +178,8 @@ class Stream:
                 arrays = {name: file[name] for name in file.files}
             header = json.loads(arrays.pop("header").tobytes())
             if header["format"] > FORMAT:
-                raise BadInput(
-                    f"{path} has format {header['format']}, this version reads up to {FORMAT}: update cooploc"
-                )
+                newer = f"has format {header['format']}, this version reads up to {FORMAT}"
+                raise BadInput(f"{path} {newer}: update cooploc")
             world = World(
                 **{name: header[name] for name in ("robots", "tick", "t0")},
                 motion=_build_model(header["motion"]),

@@ -60,8 +60,11 @@ class Run:
     time: Array | None = None  # (T,) end of each tick [s]
 
     def __repr__(self) -> str:
-        where = "" if self.isolated else ", all in one process"
-        return f"Run({self.scenario!r}, {len(self.trial)} trials, {', '.join(self.traces)}{where})"
+        return f"Run({self.scenario!r}, {len(self.trial)} trials, {', '.join(self.traces)}{self._remark})"
+
+    @property
+    def _remark(self) -> str:
+        return "" if self.isolated else ", all in one process"
 
     def _repr_html_(self) -> str:
         header, rows = ("estimator", "messages per robot and tick", "bytes", "µs", "standing"), []
@@ -72,8 +75,8 @@ class Run:
             standing = ", ".join(filter(None, (kind, "unchecked" * (name in self.unchecked), learned)))
             sent, size, cost = one.messages.sum() / ticks, one.bytes.sum() / ticks, 1e6 * one.seconds / ticks
             rows.append((name, f"{sent:.2g}", f"{size:.3g}", f"{cost:.3g}", standing))
-        where = "" if self.isolated else ", all in one process"
-        return list_table(header, f"run of {self.scenario}, seed {self.seed}, {len(self.trial)} trials{where}", rows)
+        title = f"run of {self.scenario}, seed {self.seed}, {len(self.trial)} trials{self._remark}"
+        return list_table(header, title, rows)
 
     def to_xarray(self, truth: Truth | None = None) -> "Dataset":
         """Return every trace in one xarray.Dataset, with units, which `to_netcdf` writes to a file.
@@ -156,17 +159,7 @@ def run(estimators: Any, stream: Stream, jobs: int = 1, isolate: bool = True, ti
 
 
 def estimators_by_name(estimators: Any, isolate: bool = False) -> dict[str, Any]:
-    """Return instances by name; with `isolate`, a name or class not built in stays one, for a process of its own.
-
-    Args:
-        estimators: a name, configured or not ("arl", "mrsl-rssi[particles=500]", "path.py:Name"), several of them
-            separated by commas, a class that needs no arguments, an instance, a list of these, or a mapping of your own
-            names to these.
-
-    Raises:
-        BadInput: one of them is not an estimator, or two have the same name.
-
-    """
+    """Return instances by name; with `isolate`, a name or class not built in stays one, for a process of its own."""
     if isinstance(estimators, Stream | Truth):
         raise BadInput(
             f"the first argument is a {type(estimators).__name__}, not estimators: write cl.run(estimators, stream)"
@@ -194,12 +187,7 @@ def label_of(estimator: Any) -> str:
 
 
 def make_instance(estimator: Any) -> Any:
-    """Make an estimator of a name or of a class; return an instance as it is.
-
-    Raises:
-        BadInput: an unknown name, or a class that needs arguments.
-
-    """
+    """Make an estimator of a name or of a class; return an instance as it is."""
     if isinstance(estimator, str):
         return make(estimator)
     if not isinstance(estimator, type):
@@ -215,21 +203,15 @@ def make_instance(estimator: Any) -> Any:
 
 
 def make_estimator(given: Any, where: str, isolate: bool = False) -> Any:
-    """Make an instance that has an estimator's methods; with `isolate`, a name or class not built in stays one.
-
-    Raises:
-        BadInput: it is not an estimator.
-
-    """
+    """Make an instance that has an estimator's methods; with `isolate`, a name or class not built in stays one."""
     if isolate and isinstance(given, str | type) and not is_builtin(given):
         return given
     made = make_instance(given)
     whole = OFFLINE if getattr(made, "offline", False) else TEAM if hasattr(made, "exchange") else ROBOT
     missing = [method for method in whole if not hasattr(made, method)]
     if missing == list(ROBOT):
-        raise BadInput(
-            f"{where} is of type {type(made).__name__}, not an estimator: give a name, a class or an instance"
-        )
+        kind = type(made).__name__
+        raise BadInput(f"{where} is of type {kind}, not an estimator: give a name, a class or an instance")
     if missing:
         lacking = ", ".join(f"{method}()" for method in missing)
         raise BadInput(f"estimator {type(made).__name__} lacks {lacking}: help(cl.Estimator) says what to do; {LIFT}")
@@ -248,10 +230,8 @@ class Seedless(NamedTuple):
     def select(self, trials: slice) -> "Seedless":
         """Return consecutive trials of it."""
         n = self.stream.robots
-        mine = slice(trials.start * n, trials.stop * n)
-        return Seedless(
-            self.stream.select(trials), Rows(self.rows.trial[mine], self.rows.robot[mine], self.rows.key[mine])
-        )
+        rows = Rows(*(a[trials.start * n : trials.stop * n] for a in self.rows))
+        return Seedless(self.stream.select(trials), rows)
 
 
 def remove_seed(stream: Stream) -> Seedless:
@@ -269,24 +249,13 @@ class PluginJob(NamedTuple):
 
 
 def require_fit_in_process(one: PluginJob, stream: Stream) -> None:
-    """Do in its process what `require_fit` does.
-
-    Raises:
-        BadInput: it is not an estimator, or cannot run on such a stream.
-        EstimatorError: it cannot even begin.
-
-    """
+    """Do in its process what `require_fit` does."""
     with _errors_named(one):
         call(one.owner, _require_fit, one, remove_seed(stream).stream)
 
 
 def trace_in_process(one: PluginJob, chunks: list[Stream], advance: Advance | None) -> Trace:
-    """Return the trace of all chunks, each run in a process of its own.
-
-    Raises:
-        EstimatorError: it broke the interface, took too long, or ended its process.
-
-    """
+    """Return the trace of all chunks, each run in a process of its own."""
     with _errors_named(one):
         futures = [submit(one.owner, len(chunks), _trace_chunk, one, remove_seed(chunk)) for chunk in chunks]
         try:

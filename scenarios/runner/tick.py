@@ -3,9 +3,10 @@
 An estimator's `uses` selects its channels; everything else is hidden from it, so the declaration is enforced.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cached_property
-from typing import Any, ClassVar, Protocol, cast
+from typing import Any, ClassVar, cast
 
 import numba
 import numpy as np
@@ -35,12 +36,7 @@ class IncompatibleEstimator(BadInput):
 
 
 def visible(name: str, estimator: Any, stream: Stream) -> Stream:
-    """Hide everything of a stream that the estimator does not declare.
-
-    Raises:
-        IncompatibleEstimator: it declares a channel that the stream lacks, or another version of the interface.
-
-    """
+    """Hide everything of a stream that the estimator does not declare."""
     if reason := wrong_version(estimator):
         raise IncompatibleEstimator(f"{name} cannot run: {reason}")
     used = select_channels(name, tuple(estimator.uses), stream)
@@ -62,12 +58,7 @@ def senses(estimator: Any, stream: Stream) -> str:
 
 
 def select_channels(name: str, uses: tuple[str, ...], stream: Stream) -> set[str]:
-    """Return the channels that a declaration selects: "a|b" the first that exists, "a?" if it exists.
-
-    Raises:
-        IncompatibleEstimator: the stream lacks one that is needed.
-
-    """
+    """Return the channels that a declaration selects: "a|b" the first that exists, "a?" if it exists."""
     has, used = stream.channels(), set()
     for wish in uses:
         options = wish.rstrip("?").split("|")
@@ -154,10 +145,8 @@ class EstimatorError(RuntimeError):
     """An estimator that broke the interface while it ran."""
 
 
-class Watcher(Protocol):
-    """Makes every call of an estimator's method, and so sees the arguments, state first, and the result."""
-
-    def __call__(self, method: str, tick: int, arguments: tuple[Any, ...], call: Any) -> Any: ...
+# Makes every call of an estimator's method, by its name, tick, arguments (state first) and the method itself.
+Watcher = Callable[[str, int, tuple[Any, ...], Any], Any]
 
 
 def drive(
@@ -180,7 +169,7 @@ class _Drive:
         self.rows = rows or seeds.rows(stream.seed, stream.trial, stream.robots)
         self.centralised = traits(estimator).centralised
         self.state: Any = None
-        self.hidden = freeze(np.full((len(stream.trial), stream.robots, stream.robots), np.nan))
+        self.hidden = freeze(np.full((len(stream.trial), stream.robots, stream.robots), np.nan))  # a radio channel
 
     def call(self, method: str, tick: int, *arguments: Any) -> Any:
         call = getattr(self.estimator, method)
@@ -197,7 +186,7 @@ class _Drive:
 
     def air(self, k: int) -> tuple[Any, Array, Array]:
         air = self.stream.air
-        rssi, distance = (self._pairs(a[:, k]) for a in (air.rssi, air.range))
+        rssi, distance = (a[:, k] if a.shape[-1] else self.hidden for a in (air.rssi, air.range))
         return air.link[:, k], rssi, distance
 
     def beginning(self) -> tuple[Belief, World, Rows]:
@@ -210,7 +199,7 @@ class _Drive:
         """Return the traffic of a centralised estimator: the finite readings that its robots upload."""
         senses, air = self.stream.senses, self.stream.air
         heard = (np.isfinite(a) & air.link for a in (air.rssi, air.range) if a.shape[-1])
-        read = {c: a for c, a in senses.extra.items() if c != TEAM_PRIOR}  # which all are told in advance
+        read = {c: a for c, a in senses.extra.items() if c != TEAM_PRIOR}  # which all know in advance
         sensed = (np.isfinite(a) for a in (*(getattr(senses, c) for c in SENSED), *read.values()))
         finite = sum(a.reshape(*senses.dt.shape, -1).sum(-1) for a in (*sensed, *heard))
         return Traffic((finite > 0).astype(float), np.where(finite > 0, finite * 8.0 + HEADER, 0.0))
@@ -219,10 +208,6 @@ class _Drive:
         tick = a[:, k]
         t, n, *of_one = tick.shape
         return cast(Array, freeze(tick, (t * n, *of_one) if flat else tick.shape))
-
-    def _pairs(self, a: Array) -> Array:
-        """A hidden radio channel reads nan everywhere."""
-        return a if a.shape[-1] else self.hidden
 
     def belief(self, k: int) -> Belief:
         lead = self.shape if self.team else (self.shape[0] * self.shape[1],)

@@ -16,7 +16,6 @@ import numpy as np
 import xarray as xr
 
 from cooploc.estimators.errors import BadInput
-from cooploc.scenarios.runner.trace import Trace
 from cooploc.scenarios.stream import Truth
 
 AXES, UNITS = ("x", "y", "heading"), ("m", "m", "rad")
@@ -26,17 +25,12 @@ LARGEST = 2**31  # above which netCDF 3 has no whole numbers
 
 
 def dataset(run: Any, truth: Truth | None = None) -> xr.Dataset:
-    """Return every trace of a `Run`, by its estimator's name; with the truth, the errors too.
-
-    Raises:
-        BadInput: the run has no estimators, or the truth is that of another stream.
-
-    """
+    """Return every trace of a `Run`, by its estimator's name; with the truth, the errors too."""
     traces = list(run.traces.values())
     if not traces:
         raise BadInput("this run has no estimators, so there is nothing to put into a dataset: run some")
     _, ticks, robots, d = traces[0].x.shape
-    one_unit = d == 2
+    one_unit, absent = d == 2, np.full_like(traces[0].messages, np.nan)
     variables = {
         "x": (BELIEF, np.stack([t.x for t in traces]), _about("estimate", "m" if one_unit else "")),
         "P": ((*BELIEF, "other_axis"), np.stack([t.P for t in traces]), _about("its covariance", "m2" * one_unit)),
@@ -45,7 +39,10 @@ def dataset(run: Any, truth: Truth | None = None) -> xr.Dataset:
         "seconds": ("estimator", [t.seconds for t in traces], _about("computing time", "s")),
         "centralised": ("estimator", [t.centralised for t in traces], _about("all readings reach one computer")),
         "bound": ("estimator", [t.bound for t in traces], _about("bounds all other estimators")),
-        **_notes(run.traces),
+        **{
+            f"note: {name}": (COUNT, np.stack([t.notes.get(name, absent) for t in traces]))
+            for name in dict.fromkeys(name for t in traces for name in t.notes)
+        },
         **({} if truth is None else _errors(run, truth)),
     }
     coordinates = {
@@ -79,13 +76,3 @@ def _errors(run: Any, truth: Truth) -> Mapping[str, Any]:
 
 def _about(name: str, units: str = "") -> dict[str, str]:
     return {"long_name": name, "units": units} if units else {"long_name": name}
-
-
-def _notes(traces: Mapping[str, Trace]) -> Mapping[str, Any]:
-    """Return the counts that estimators kept, by name."""
-    names = dict.fromkeys(name for trace in traces.values() for name in trace.notes)
-    absent = np.full_like(next(iter(traces.values())).messages, np.nan)
-    return {
-        f"note: {name}": (COUNT, np.stack([trace.notes.get(name, absent) for trace in traces.values()]))
-        for name in names
-    }

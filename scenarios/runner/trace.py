@@ -63,7 +63,6 @@ class Stopwatch(event.Listener):
 
 
 ROUNDING = 1e-9  # asymmetry and negative variance that are allowed, relative to the covariance's largest entry
-
 NOTHING = 1e-200  # a smaller covariance is zero: subnormal numbers have too few digits to be symmetric or definite
 
 
@@ -97,19 +96,11 @@ def trace(
     estimator: Any,
     stream: Stream,
     watch: Watcher | None = None,
-    advance: Advance | None = None,
+    advance: Advance | None = None,  # called after every tick, untimed
     *,
-    rows: Rows | None = None,
+    rows: Rows | None = None,  # that the seed makes, of a stream that does not say its seed
 ) -> Trace:
-    """Run one estimator on every trial of a stream, in this process; `advance` is called after every tick, untimed.
-
-    A stream that does not say its seed comes with the `rows` that its seed makes.
-
-    Raises:
-        IncompatibleEstimator: the stream lacks a channel that it needs.
-        EstimatorError: it returned something of the wrong shape, or not finite, or a P that is not a covariance.
-
-    """
+    """Run one estimator on every trial of a stream, in this process."""
     running = drive(name, estimator, visible(name, estimator, stream), watch, rows)
     t, T, n = stream.senses.dt.shape
     d = stream.prior.x.shape[-1]
@@ -125,7 +116,7 @@ def trace(
             if advance:
                 with clock.pause():
                     advance(name, 1)
-    _require_finite(name, stream, x, P)
+    _refuse(name, "estimate is not finite", stream, ~(np.isfinite(x).all(-1) & np.isfinite(P).all((-2, -1))))
     require_covariances(name, stream, P)
     about, seconds = traits(estimator), clock.seconds
     notes = {what: np.asarray(values, float).reshape(t, n) for what, values in about.notes(running.state).items()}
@@ -140,12 +131,7 @@ def _thread_pools(modules: int) -> ThreadpoolController:
 
 
 def require_fit(name: str, estimator: Any, stream: Stream) -> None:
-    """Refuse an estimator that cannot run on such a stream at all.
-
-    Raises:
-        IncompatibleEstimator: the stream lacks a channel that it needs, or its `init` refuses the world.
-
-    """
+    """Refuse an estimator that cannot run on such a stream at all."""
     seen = visible(name, estimator, stream)
     try:
         drive(name, estimator, seen).start()
@@ -159,11 +145,6 @@ def warm_up(name: str, estimator: Any, stream: Stream) -> None:
     """Two ticks of one trial, so that what an estimator imports and compiles is there before its time is taken."""
     with suppress(Exception):  # it occurs again in the run
         trace(name, estimator, stream.select(slice(0, 1)).first_ticks(2))
-
-
-def _require_finite(name: str, stream: Stream, x: Array, P: Array) -> None:
-    bad = ~(np.isfinite(x).all(-1) & np.isfinite(P).all((-2, -1)))
-    _refuse(name, "estimate is not finite", stream, bad)
 
 
 def require_covariances(name: str, stream: Stream, P: Array) -> None:

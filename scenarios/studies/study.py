@@ -48,13 +48,7 @@ MOST_LABELS = 10_000  # for which one label, or the scenarios of a block, may st
 
 
 def expand(label: str, variants: Mapping[str, str]) -> list[str]:
-    """Return every label that a swept one stands for, in order; the rightmost braces change fastest.
-
-    Raises:
-        BadInput: braces or a range that cannot be read, that stand for too many labels, or a variant that the study
-            does not have.
-
-    """
+    """Return every label that a swept one stands for, in order; the rightmost braces change fastest."""
     texts, swept = (re.split(r"\{([^{}]*)\}", label)[i::2] for i in (0, 1))
     if any("{" in text or "}" in text for text in texts):
         raise BadInput(f"cannot read the braces of {label!r}: write a sweep like drop={{0,0.5}} or n={{1..9..2}}")
@@ -66,12 +60,7 @@ def expand(label: str, variants: Mapping[str, str]) -> list[str]:
 
 
 def write_out_variants(label: str, variants: Mapping[str, str]) -> str:
-    """Return the label with its variants written out.
-
-    Raises:
-        BadInput: the study has no variant of that name.
-
-    """
+    """Return the label with its variants written out."""
     match = re.fullmatch(r"([^\[\]]*)\[([^\[\]]*)\]", label)
     if match is None:
         return label
@@ -153,12 +142,7 @@ class Study(BaseModel):
     only: Labels = ()  # the estimators to run; one that the study lacks runs on every scenario
 
     def replace_options(self, **options: Any) -> "Study":
-        """Return the study with these fields replaced; None leaves a field as it is.
-
-        Raises:
-            BadInput: a value out of bounds.
-
-        """
+        """Return the study with these fields replaced; None leaves a field as it is."""
         given = {key: value for key, value in options.items() if value is not None}
         return _validate({**self.model_dump(), **given}, f"study {self.name!r}")
 
@@ -174,11 +158,8 @@ class Study(BaseModel):
         for block in (*own, *self.also):
             variants = {**self.variants, **block.variants}
             baseline = write_out_variants(block.baseline or self.baseline, variants)
-            filled = {
-                "baseline": baseline or expand(block.estimators[0], variants)[0],
-                "experiment": block.experiment or self.name,
-                "variants": variants,
-            }
+            baseline = baseline or expand(block.estimators[0], variants)[0]
+            filled = {"baseline": baseline, "experiment": block.experiment or self.name, "variants": variants}
             found.append(block.model_copy(update=filled))
         return found
 
@@ -196,12 +177,7 @@ class Study(BaseModel):
                 yield StudyCell(block.experiment, scenario, estimators, block.baseline)
 
     def cells(self) -> list[StudyCell]:
-        """Return everything that is to run, by scenario, each scenario and each estimator once.
-
-        Raises:
-            BadInput: a label that cannot be read, or a scenario whose baseline is not among its estimators.
-
-        """
+        """Return everything that is to run, by scenario, each scenario and each estimator once."""
         found: dict[str, StudyCell] = {}
         for new in self.expand_blocks():
             cell = found.get(new.scenario, new)
@@ -213,25 +189,21 @@ class Study(BaseModel):
                     f"study {self.name!r} compares with {cell.baseline!r}, which is not one of its estimators on "
                     f"{cell.scenario!r}: add it there"
                 )
-        return self._choose_estimators(list(found.values()))
-
-    def baselines(self) -> dict[str, str]:
-        """Return the baseline of each scenario."""
-        return {cell.scenario: cell.baseline for cell in self.cells()}
-
-    def _choose_estimators(self, cells: list[StudyCell]) -> list[StudyCell]:
-        """Return the cells with the estimators of `only`."""
         if not self.only:
-            return cells
-        known = {name for cell in cells for name in cell.estimators}
+            return list(found.values())
+        known = {name for cell in found.values() for name in cell.estimators}
         wanted = [name for label in self.only for name in expand(label, self.variants)]
         chosen = []
-        for cell in cells:
+        for cell in found.values():
             mine = tuple(name for name in dict.fromkeys(wanted) if name in cell.estimators or name not in known)
             if mine:
                 baseline = cell.baseline if cell.baseline in mine else mine[0]
                 chosen.append(cell._replace(estimators=mine, baseline=baseline))
         return chosen
+
+    def baselines(self) -> dict[str, str]:
+        """Return the baseline of each scenario."""
+        return {cell.scenario: cell.baseline for cell in self.cells()}
 
 
 def names() -> list[str]:
@@ -281,9 +253,7 @@ def load(which: str, including: tuple[str, ...] = ()) -> Study:
 def _validate(content: dict[str, Any], where: str) -> Study:
     also = content.get("also")
     blocks = also if isinstance(also, list | tuple) else ()  # anything else is refused below
-    parts: list[tuple[Any, type[BaseModel], str]] = [(content, Study, "a study")]
-    parts += [(block, Block, "a block of [[also]]") for block in blocks]
-    for part, model, what in parts:
+    for part, model, what in ((content, Study, "a study"), *((b, Block, "a block of [[also]]") for b in blocks)):
         known = list(model.model_fields)
         if unknown := [key for key in part if key not in known] if isinstance(part, dict) else []:
             raise BadInput(f"{where}: there is no key {unknown[0]!r} in {what}; {nearest(unknown[0], known)}")
@@ -338,13 +308,7 @@ class ResolvedStudy(NamedTuple):
 
 
 def resolve_study(study: Study, data: Path | None = None) -> ResolvedStudy:
-    """Read every label of a study.
-
-    Raises:
-        BadInput: a label that cannot be read, a scenario or a parameter of one that does not exist, or a recording
-            without `data`.
-
-    """
+    """Read every label of a study."""
     cells = study.cells()
     known = {label: configure(label) for label in dict.fromkeys(name for cell in cells for name in cell.estimators)}
     found = []

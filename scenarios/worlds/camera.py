@@ -55,19 +55,16 @@ class Camera(BaseModel):
 
     def simulate(self, label: str, trials: Sequence[int], seed: int, world: World) -> tuple[Truth, Stream]:
         """Simulate these trials; `world` is what the team assumes, which may differ from `world()`."""
-        readings, facing = zip(*(self._trial(seed, k) for k in trials), strict=True)
+        prior_sd = [self.prior_position, self.prior_position, self.prior_heading]
+        readings, facing = zip(*(self._trial(seed, k, prior_sd) for k in trials), strict=True)
         extra = {"orientation": np.stack(facing)} if self.sigma_orientation else {}
-        return make_stream(self, label, seed, trials, world, readings, self._prior_sd, extra=extra)
+        return make_stream(self, label, seed, trials, world, readings, prior_sd, extra=extra)
 
-    @property
-    def _prior_sd(self) -> list[float]:
-        return [self.prior_position, self.prior_position, self.prior_heading]
-
-    def _trial(self, seed: int, k: int) -> tuple[TrialReadings, Array]:
+    def _trial(self, seed: int, k: int, prior_sd: list[float]) -> tuple[TrialReadings, Array]:
         start, path, u = self._drive(generator(seed, k, Purpose.TRUTH))
         rng = generator(seed, k, Purpose.SENSORS)
         n, nothing = self.robots, np.empty((self.ticks, self.robots, 0))
-        prior = wrap_heading(start + rng.normal(0, 1, (n, 3)) * self._prior_sd)
+        prior = wrap_heading(start + rng.normal(0, 1, (n, 3)) * prior_sd)
         odometry = u + rng.normal(0, 1, u.shape) * [self.sigma_v, self.sigma_omega]
         odometry[:, n - min(n, self.without_odometry) :] = np.nan
         landmark = self._see(rng, path, np.broadcast_to(self._places(), (self.ticks, self.landmarks, 2)))
@@ -82,9 +79,8 @@ class Camera(BaseModel):
         """Return the start (n, 3), poses (T, n, 3) and the true (v, omega) (T, n, 2)."""
         T, n = self.ticks, self.robots
         exact = Unicycle(0.0, 0.0, self.tick)
-        x = np.concatenate(
-            [rng.uniform(0.2 * self.side, 0.8 * self.side, (n, 2)), rng.uniform(-np.pi, np.pi, (n, 1))], -1
-        )
+        middle = rng.uniform(0.2 * self.side, 0.8 * self.side, (n, 2))
+        x = np.concatenate([middle, rng.uniform(-np.pi, np.pi, (n, 1))], -1)
         start, path, u = x, np.empty((T, n, 3)), np.empty((T, n, 2))
         u[..., 0] = self.speed
         u[..., 1] = rng.normal(0, self.turn, (T, n))
@@ -100,10 +96,8 @@ class Camera(BaseModel):
     def _see(self, rng: np.random.Generator, path: Array, places: Array) -> Array:
         """Return range and bearing (T, n, m, 2) of places (T, m, 2), nan outside the field of view."""
         delta = places[:, None] - path[:, :, None, :2]
-        reading = np.stack(
-            [np.hypot(delta[..., 0], delta[..., 1]), np.arctan2(delta[..., 1], delta[..., 0]) - path[:, :, None, 2]], -1
-        )
-        reading[..., 1] = wrap(reading[..., 1])
+        bearing = wrap(np.arctan2(delta[..., 1], delta[..., 0]) - path[:, :, None, 2])
+        reading = np.stack([np.hypot(delta[..., 0], delta[..., 1]), bearing], -1)
         seen = (reading[..., 0] < self.sight) & (np.abs(reading[..., 1]) < self.view)
         noisy = reading + rng.normal(0, 1, reading.shape) * [self.sigma_range, self.sigma_bearing]
         noisy[..., 1] = wrap(noisy[..., 1])

@@ -12,7 +12,6 @@ from copy import deepcopy
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from cooploc.estimators.interface import Array, Belief, Indices, Mask, Senses, World
@@ -95,11 +94,6 @@ def add_memory(white: Array, correlation: float) -> Array:
     return out
 
 
-def round_to_unit(reading: Array, unit: float) -> Array:
-    """Return readings in whole multiples of `unit`; 0 leaves them as they are."""
-    return np.round(reading / unit) * unit if unit else reading
-
-
 def distance(a: Array, b: Array) -> Array:
     """Return the distance of places (..., 2): by components, as numpy is slow at a sum over two."""
     return np.asarray(np.sqrt((a[..., 0] - b[..., 0]) ** 2 + (a[..., 1] - b[..., 1]) ** 2))
@@ -150,10 +144,8 @@ def wake_mask(ticks: int, rate: Array, phase: Array) -> Mask:
 
     A robot of rate f wakes f times a tick on average, evenly, shifted by its phase.
     """
-    k = np.arange(ticks + 1)[:, None]
-    count = np.floor(k * rate + phase + 1e-9)
-    woke: Mask = count[1:] > count[:-1]
-    return woke
+    count = np.floor(np.arange(ticks + 1)[:, None] * rate + phase + 1e-9)
+    return np.asarray(count[1:] > count[:-1])
 
 
 def ticks_since_waking(wake: Mask) -> Array:
@@ -181,11 +173,6 @@ def sum_between_wakings(odometry: Array, wake: Mask) -> Array:
 PAIRS = 4_000_000  # of robots, times ticks, at a time
 
 
-def block_length(total: int, robots: int) -> int:
-    """Return the number of ticks drawn at a time: all of a small team, at least one."""
-    return min(total, max(1, PAIRS // robots**2))
-
-
 def split_generator(rng: np.random.Generator, count: int, streams: int) -> list[np.random.Generator]:
     """Return generators that stand where `rng` does, after `count` normal numbers, after twice as many, and so on."""
     made = [rng]
@@ -195,11 +182,6 @@ def split_generator(rng: np.random.Generator, count: int, streams: int) -> list[
             later.standard_normal(min(PAIRS, count - start))
         made.append(later)
     return made
-
-
-def stack_trials(parts: Sequence[NDArray[Any]]) -> NDArray[Any]:
-    """Return the parts along a new first axis; of one part no copy."""
-    return np.stack(parts) if len(parts) > 1 else parts[0][None]
 
 
 class TrialReadings(NamedTuple):
@@ -224,24 +206,12 @@ def make_stream(
     world: World,
     readings: Sequence[TrialReadings],
     prior_sd: Sequence[float],
-    ticks: Array | None = None,
-    extra: Mapping[str, Array] | None = None,
+    ticks: Array | None = None,  # (T, n) that odometry covers, 0 while a robot sleeps; one unless given
+    extra: Mapping[str, Array] | None = None,  # channels (t, T, n, ...) of this world alone
 ) -> tuple[Truth, Stream]:
-    """Return truth and stream of simulated trials.
-
-    Args:
-        model: the world's parameters.
-        label: of the scenario.
-        seed: of all trials.
-        trials: their numbers.
-        world: what the team assumes.
-        readings: of each trial.
-        prior_sd: of each coordinate of the prior.
-        ticks: (T, n) that odometry covers, 0 while a robot sleeps; one unless given.
-        extra: channels (t, T, n, ...) of this world alone.
-
-    """
-    z = TrialReadings(*(stack_trials(part) for part in zip(*readings, strict=True)))
+    """Return truth and stream of simulated trials."""
+    parts = zip(*readings, strict=True)
+    z = TrialReadings(*(np.stack(part) if len(part) > 1 else part[0][None] for part in parts))  # of one no copy
     t, T, n, d = z.path.shape
     ticks = np.ones((T, n)) if ticks is None else ticks
     dt = np.broadcast_to(model.tick * ticks, (t, T, n)).copy()
@@ -317,7 +287,7 @@ class Paper(BaseModel):
     @property
     def at_once(self) -> int:
         """Number of ticks whose pairs of robots are drawn together: all where noise has a memory."""
-        return self.ticks if self.shadow_correlation else block_length(self.ticks, self.robots)
+        return self.ticks if self.shadow_correlation else min(self.ticks, max(1, PAIRS // self.robots**2))
 
     @model_validator(mode="after")
     def _steps_fit(self) -> "Paper":
@@ -330,16 +300,13 @@ class Paper(BaseModel):
         L, quantum = self.side, self.rounding**2 / 12
         heard = LogDistance(self.A, self.eta, float(np.sqrt(self.shadowing**2 + self.fast**2 + quantum)))
         averaged = float(np.sqrt(self.shadowing**2 + self.fast**2 / self.samples + quantum))
+        anchor = LogDistance(self.A, self.eta, averaged)
         return World(
             robots=self.robots,
             tick=self.tick,
             arena=np.array([[0, 0], [L, L]], float),
             motion=Displacement(self.odometry_sigma, self.tick),
-            sensors={
-                "anchor_rssi": LogDistance(self.A, self.eta, averaged),
-                "radio_rssi": heard,
-                "radio_range": Range(self.range_sigma),
-            },
+            sensors={"anchor_rssi": anchor, "radio_rssi": heard, "radio_range": Range(self.range_sigma)},
             anchors=self.places(),
         )
 
@@ -415,17 +382,20 @@ class Paper(BaseModel):
         clear = self._rssi(distance(where[:, :, :, None], self.places())).mean(0)
         shadow = add_memory(rng.normal(0, self.shadowing, shape), self.shadow_correlation)
         fast = rng.normal(0, self.fast, (self.samples, *shape)).mean(0)
-        return round_to_unit(clear + shadow + fast - self.attenuation * scene.anchor_blockers, self.rounding)
+        return self._round(clear + shadow + fast - self.attenuation * scene.anchor_blockers)
 
     def _robot_rssi(self, slow: np.random.Generator, fast: np.random.Generator, d: Array, scene: Scene) -> Array:
         """Return (T, receiver, sender); shadowing, drawn by `slow`, is the same in both directions."""
         shadow = add_memory(np.triu(slow.normal(0, self.shadowing, d.shape), 1), self.shadow_correlation)
         both = self._rssi(d) + shadow + shadow.transpose(0, 2, 1) - self.attenuation * scene.robot_blockers
-        return round_to_unit(both + fast.normal(0, self.fast, d.shape), self.rounding)
+        return self._round(both + fast.normal(0, self.fast, d.shape))
 
     def _ranges(self, rng: np.random.Generator, d: Array, scene: Scene, seed: int, trial: int) -> Array:
         """Return (T, receiver, sender) at true distances d; other worlds draw from generators of `seed` and `trial`."""
         return d + rng.normal(0, self.range_sigma, d.shape) + self.nlos_range_bias * (scene.robot_blockers > 0)
+
+    def _round(self, reading: Array) -> Array:
+        return np.round(reading / self.rounding) * self.rounding if self.rounding else reading
 
     def _rssi(self, d: Array) -> Array:
         return self.A - 10 * self.eta * np.log10(np.maximum(d, NEAR))

@@ -11,6 +11,7 @@ from cooploc.api import run_study
 from cooploc.estimators import make, names
 from cooploc.estimators.errors import BadInput
 from cooploc.scenarios import resolve
+from cooploc.scenarios.recordings.inspect.draft_toml import toml as toml_value
 from cooploc.scenarios.studies.study import Study, load, resolve_study
 
 REAL = [name for name in names() if name != "cvxpy"]
@@ -83,16 +84,9 @@ def test_a_study_is_read_or_refused(tmp_path_factory, changes):
 
 
 def toml(content):
-    """TOML of a study, as far as TOML can say it: JSON is nearly that."""
-    return "".join(f"{json.dumps(key)} = {written(value)}\n" for key, value in content.items())
-
-
-def written(value):
-    if isinstance(value, dict):
-        return "{" + ", ".join(f"{json.dumps(key)} = {written(inner)}" for key, inner in value.items()) + "}"
-    if isinstance(value, list):
-        return "[" + ", ".join(map(written, value)) + "]"
-    return repr(value) if isinstance(value, float) else json.dumps(value)
+    """TOML of a study, as far as TOML can say it."""
+    text = "".join(f"{json.dumps(key)} = {toml_value(value)}\n" for key, value in content.items())
+    return text.replace("NaN", "nan").replace("Infinity", "inf")
 
 
 @pytest.mark.parametrize(
@@ -101,13 +95,10 @@ def written(value):
         ({"scenarios": ["robots-1-3/n={1..1e9}"]}, "1000000000 values, and at most 10000"),
         ({"scenarios": ["nlos/n={1..200}[ticks={1..200}]"]}, "40000 labels, and at most 10000"),
         ({"trials": 10**12}, "1000000, not 1000000000000"),
-        ({"scenarios": ["scalability/n=100000"]}, "10000, not '100000'"),
         ({"scenarios": ["scalability/n=9999"]}, "takes about .* of memory .* this machine has"),
         ({"scenarios": ["trajectory[side=1e308]"]}, "1000000"),
-        ({"scenarios": ["arena-60m/sd={nan..3}"]}, "write first..last"),
         ({"scenarios": ["arena-60m/sd=nan"]}, "sigma: .*'nan'"),
         ({"estimators": ["arl", "ekf-local[gate=nan]"]}, "gate is nan; it must be a number"),
-        ({"estimators": ["arl", "ekf-local[gate=-1]"]}, "gate is -1.0; it must be at least 0"),
         ({"estimators": ["arl", "ekf-local[gate=1,gate=2]"]}, "gives gate twice"),
         ({"time_limit": True}, "time_limit: .*not True"),
     ],
@@ -117,10 +108,3 @@ def test_what_is_too_large_is_refused_at_once_with_the_number_and_the_limit(tmp_
     with in_time(), pytest.raises(BadInput, match=words):
         run_study(tmp_path / "large.toml", out=tmp_path / "run")
     assert not (tmp_path / "run").exists()
-
-
-def test_no_estimators_are_not_all_of_them(tmp_path):
-    (tmp_path / "small.toml").write_text(toml(SOUND))
-    for none in ("", " , ", []):
-        with pytest.raises(BadInput, match="estimators is empty"):
-            run_study(tmp_path / "small.toml", estimators=none, out=tmp_path / "run")

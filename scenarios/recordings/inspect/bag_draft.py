@@ -21,12 +21,7 @@ SURE = 2.0  # times the misfit of the best assignment of radios that the next be
 
 
 def bag_draft(path: Path) -> Draft:
-    """Return the draft for a bag: odometry by its type, truth by other poses, ranges by two nodes in a topic's name.
-
-    Raises:
-        BadInput: it cannot be read, or no topic is odometry, or none the truth of a robot with odometry.
-
-    """
+    """Return the draft for a bag: odometry by its type, truth by other poses, ranges by two nodes in a topic's name."""
     bags = sorted({p.parent for p in path.rglob("*") if p.suffix.lower() in BAGS}) if path.is_dir() else []
     each = [{topic.name for topic in topics(bag)[0]} for bag in bags] if len(bags) > 1 else []
     found = [t for t in topics(path)[0] if t.messages > 1 and t.columns and all(t.name in names for names in each)]
@@ -98,10 +93,8 @@ def _is_about(topic: str, robot: str) -> bool:
         return True
     letters, number = re.match(r"([A-Za-z]*)[_-]?(\d*)", robot).groups()  # type: ignore[union-attr]
     parts = re.findall(r"([A-Za-z]+)[_-]?(\d+)", topic)
-    alike = [
-        word.lower().startswith(letters.lower()[:4]) for word, digits in parts if number and int(digits) == int(number)
-    ]
-    return any(alike)
+    same_number = [word.lower() for word, digits in parts if number and int(digits) == int(number)]
+    return any(word.startswith(letters.lower()[:4]) for word in same_number)
 
 
 def _pair(topic: str) -> tuple[str, str] | None:

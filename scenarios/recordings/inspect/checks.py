@@ -66,14 +66,14 @@ class Finding(NamedTuple):
     columns: tuple[str, ...] = ()  # quantities in the table that it is about, such as x, y
 
     @property
-    def change(self) -> str:
-        """The setting that corrects it, with its table: [truth] clock_offset = -2.5."""
-        return f"[{self.table}] " * bool(self.table) + self.setting_of_columns
-
-    @property
     def setting_of_columns(self) -> str:
         """The setting, with the columns it is about."""
         return ", ".join(self.columns) + ": " * bool(self.columns) + self.setting
+
+    @property
+    def change(self) -> str:
+        """The setting that corrects it, with its table: [truth] clock_offset = -2.5."""
+        return f"[{self.table}] " * bool(self.table) + self.setting_of_columns
 
 
 @dataclass
@@ -87,26 +87,18 @@ class CheckedLog:
         """Add a finding about a robot or, if it is None, about none; `facts` are the other fields of a `Finding`."""
         self.findings.append(Finding(kind, "" if robot is None else self.log.robots[robot], *facts))
 
-    def correct(self, table: str, robot: int, series: Series) -> None:
-        """Replace one robot's "truth" or "odometry"."""
-        every = list(getattr(self.log, table))
-        every[robot] = series
-        changed: dict[str, Any] = {table: tuple(every)}
+    def correct(self, table: str, robot: int | None, data: Series | ReadingSeries) -> None:
+        """Replace one robot's "truth" or "odometry"; without a robot, the readings of the channel `table`."""
+        if robot is None:
+            changed: dict[str, Any] = {"readings": {**self.log.readings, table: data}}
+        else:
+            every = getattr(self.log, table)
+            changed = {table: (*every[:robot], data, *every[robot + 1 :])}
         self.log = self.log._replace(**changed)
-
-    def correct_readings(self, channel: Channel, readings: ReadingSeries) -> None:
-        """Replace the readings of one channel."""
-        self.log = self.log._replace(readings={**self.log.readings, channel: readings})
 
 
 def check_recording(log: TeamLog, arena: Array | None = None) -> CheckedLog:
-    """Find everything odd about a recording, in an order in which no fault hides the next.
-
-    Args:
-        log: as a reader made it, in SI units as described or guessed.
-        arena: (2, 2) lower left and upper right corner [m], if it is known.
-
-    """
+    """Find everything odd about a recording, in an order in which no fault hides the next."""
     c = CheckedLog(log)
     for warning in log.warnings:  # such as a last line that was cut off
         c.add("dropped", None, "", warning, "sure", "nothing: it is left out")
@@ -116,12 +108,13 @@ def check_recording(log: TeamLog, arena: Array | None = None) -> CheckedLog:
             for i in range(len(log.robots)):
                 check(c, i)
 
+    check_turns = check_compass_frame if log.odometry_kind == "displacement" else check_frame
     check_gaps(c)
     check_robots(check_lengths, check_heading_unit, check_turn_unit)
     check_clocks(c)
     check_robots(check_stale, check_jumps)
     check_range_units(c)
-    check_robots(check_frame, check_scales)
+    check_robots(check_turns, check_scales)
     for check in (check_names, check_reading_clocks, check_biases, check_bearings, check_rssi):
         check(c)
     check_arena(c, arena)
@@ -170,11 +163,19 @@ def check_gaps(c: CheckedLog) -> None:
 
 FASTEST = 15.0  # [m/s] of ground robots; faster is a unit or a fault
 DEGREE = np.pi / 180
-ANGLES = {"deg": ("degrees", 1 / DEGREE), "rad": ("radians", DEGREE)}
-LENGTH_FACTORS = {1000.0: "mm", 100.0: "cm"}
-NEAR_FACTOR = 1.25  # a factor of 100 or 1000 is recognised up to this ratio: odometry is calibrated to better than 25 %
+# Values that were read as SI are so many times too large: kind of the finding, unit to write, factor.
+Unit = tuple[str, str, float]
+LENGTH_UNITS = (("unit", "mm", 1000.0), ("unit", "cm", 100.0), ("unit", "m", 0.01), ("unit", "m", 0.001))
+ANGLE_UNITS = (("degrees", "deg", 1 / DEGREE), ("radians", "rad", DEGREE))
 POSITIONS = ((0, 1), ("x", "y"))
 LENGTHS = {"velocity": ((0,), ("speed",)), "path": ((0,), ("length",)), "displacement": ((0, 1), ("dx", "dy"))}
+
+
+def unit_of_ratio(
+    ratio: float, units: tuple[tuple[str, str, float], ...], near: float
+) -> tuple[str, str, float] | None:
+    """Return the unit whose factor the ratio of measured to true values has, up to a factor of `near`."""
+    return next((unit for unit in units if unit[2] / near < ratio < unit[2] * near), None)
 
 
 def check_lengths(c: CheckedLog, i: int) -> None:
@@ -187,13 +188,12 @@ def check_lengths(c: CheckedLog, i: int) -> None:
     )
     for table, this, speed, that, other, series, (columns, names) in sides:
         ratio = speed / other if other > 0 else np.nan
-        for factor, unit in LENGTH_FACTORS.items():
-            if factor / NEAR_FACTOR < ratio < factor * NEAR_FACTOR:
-                fact = f"{this} {ratio:.3g} times as fast as {that} ({speed:.3g} against {other:.3g} m/s)"
-                sure = "sure" if 0.01 < other < FASTEST and not 0.01 < speed < 2.0 else "likely"
-                c.add("unit", i, series.source, fact, sure, f'unit = "{unit}"', table, names)
-                c.correct(table, i, divide_columns(series, factor, columns))
-                return
+        if unit := unit_of_ratio(ratio, LENGTH_UNITS[:2], 1.25):  # odometry is calibrated to better than 25 %
+            fact = f"{this} {ratio:.3g} times as fast as {that} ({speed:.3g} against {other:.3g} m/s)"
+            sure = "sure" if 0.01 < other < FASTEST and not 0.01 < speed < 2.0 else "likely"
+            c.add("unit", i, series.source, fact, sure, f'unit = "{unit[1]}"', table, names)
+            c.correct(table, i, divide_columns(series, unit[2], columns))
+            return
     for table, _, speed, _, _, series, (_, names) in sides:
         if speed > FASTEST:
             fact = f"it moves at {speed:.3g} m/s (third quartile), ground robots at {FASTEST:g} m/s at most"
@@ -217,14 +217,13 @@ def check_heading_unit(c: CheckedLog, i: int) -> None:
     as_read = agreement(1.0)
     needed, jumps, sure = max(0.6, as_read + 0.3), np.max(np.abs(np.diff(there))) > 180, "sure"
     if largest > 2.1 * np.pi and agreement(DEGREE) > needed:
-        unit = "deg"
+        kind, unit, factor = ANGLE_UNITS[0]
     elif 4 * np.pi < largest <= 361 and jumps and as_read < 0.5:
-        unit, sure = "deg", "likely"
+        (kind, unit, factor), sure = ANGLE_UNITS[0], "likely"
     elif largest < 2.1 * np.pi * DEGREE and concentration(direction)[0] < 0.8 and agreement(1 / DEGREE) > needed:
-        unit = "rad"
+        kind, unit, factor = ANGLE_UNITS[1]
     else:
         return
-    kind, factor = ANGLES[unit]
     fact = f"headings reach {largest:.4g} as read; with the unit {unit} they follow the direction of motion"
     c.add(kind, i, m.poses.source, fact, sure, f'unit = "{unit}"', "truth", ("heading",))
     c.correct("truth", i, divide_columns(m.poses, factor, (2,)))
@@ -239,11 +238,11 @@ def check_turn_unit(c: CheckedLog, i: int) -> None:
     true = third_quartile(np.abs(true_turns(m.steps(m.truth))))
     column, name, per = (2, "heading", "") if c.log.odometry_kind == "pose" else (1, "turn_rate", "/s")
     ratio = measured / true if true > 0.01 * m.window else np.nan
-    for unit, (kind, factor) in ANGLES.items():
-        if factor / 2.5 < ratio < factor * 2.5:
-            fact = f"odometry turns {ratio:.3g} times as fast as the truth, which is about {factor:.3g}"
-            c.add(kind, i, odometry.source, fact, "sure", f'unit = "{unit}{per}"', "odometry", (name,))
-            c.correct("odometry", i, divide_columns(odometry, factor, (column,)))
+    if found := unit_of_ratio(ratio, ANGLE_UNITS, 2.5):
+        kind, unit, factor = found
+        fact = f"odometry turns {ratio:.3g} times as fast as the truth, which is about {factor:.3g}"
+        c.add(kind, i, odometry.source, fact, "sure", f'unit = "{unit}{per}"', "odometry", (name,))
+        c.correct("odometry", i, divide_columns(odometry, factor, (column,)))
 
 
 # --- Clocks
@@ -272,10 +271,8 @@ def check_clocks(c: CheckedLog) -> None:
     own = {i: _best_fit(m, m.truth) for i, m in enumerate(motions) if moves(c.log, i)}
     truths, robots = c.log.truth, c.log.robots
     for i, (j, correlation) in _find_exchanged(motions, own).items():
-        fact = (
-            f"odometry of {robots[i]} fits the truth of {robots[j]} (correlation {correlation:.2f}), not its own "
-            f"({own[i].correlation:.2f})"
-        )
+        fact = f"odometry of {robots[i]} fits the truth of {robots[j]} (correlation {correlation:.2f}), not its own"
+        fact += f" ({own[i].correlation:.2f})"
         setting = f"exchange the truths of {robots[i]} and {robots[j]}"
         c.add("robots", i, motions[j].poses.source, fact, "sure", setting, "truth")
         if (other := truths[j]) is not None:
@@ -313,12 +310,9 @@ def _find_exchanged(motions: list[RobotMotion], own: Mapping[int, ClockFit]) -> 
     if sum(fit.correlation < OWN for fit in own.values()) < 2:
         return {}
     fits = np.array([[_best_fit(motions[i], motions[j].truth).correlation for j in own] for i in own])
-    robots = list(own)
-    better = {
-        robots[r]: (robots[k], fits[r, k])
-        for r, k in zip(*linear_sum_assignment(-fits), strict=True)
-        if r != k and fits[r, k] > max(FITS, fits[r, r] + 0.2)
-    }
+    robots, best = list(own), zip(*linear_sum_assignment(-fits), strict=True)
+    found = [(r, k) for r, k in best if r != k and fits[r, k] > max(FITS, fits[r, r] + 0.2)]
+    better = {robots[r]: (robots[k], fits[r, k]) for r, k in found}
     return better if set(better) == {j for j, _ in better.values()} else {}
 
 
@@ -474,7 +468,7 @@ def check_arena(c: CheckedLog, arena: Array | None) -> None:
 
 FOLLOWS = 0.6  # mean resultant length from which one direction follows another
 OFFSET = 0.3  # [rad] of a heading against the direction of motion; a slip or an arc is less
-BESIDE = 0.3  # [m] a smaller shift cannot be told from noise and bias of ranges
+BESIDE = 0.3  # [m] a smaller shift is noise or bias of ranges
 SIGN = 6.0  # standard errors of a slope below zero from which a sign is wrong
 BACK = "turn the positions back in the files"
 MIRRORS = {  # by eighths of a turn
@@ -487,13 +481,9 @@ MIRRORS = {  # by eighths of a turn
 
 
 def check_frame(c: CheckedLog, i: int) -> None:
-    """Find frames, headings and turn rates of the wrong sign."""
-    if moves(c.log, i):
-        (_check_compass_frame if c.log.odometry_kind == "displacement" else _check_turning_frame)(c, i)
-
-
-def _check_turning_frame(c: CheckedLog, i: int) -> None:
-    """Check a robot whose odometry turns."""
+    """Find frames, headings and turn rates of the wrong sign, of a robot whose odometry turns."""
+    if not moves(c.log, i):
+        return
     m = robot_motion(c.log, i)
     poses = m.poses.values
     own = np.arange(m.truth.time[0], m.truth.time[-1], m.window)
@@ -517,9 +507,8 @@ def _check_turning_frame(c: CheckedLog, i: int) -> None:
         if headed and reversed_turns:  # odometry turns against the heading, and with the course
             start = "from y, as a compass does" if abs(mirror - np.pi / 2) < OFFSET else "from x"
             fact = f"the heading falls when the robot turns left (agreement {opposes:.2f}): it is clockwise {start}"
-            report_heading(
-                fact, "sure", f"write {np.degrees(mirror):.0f} deg - heading into the file", mirror - poses[:, 2]
-            )
+            setting = f"write {np.degrees(mirror):.0f} deg - heading into the file"
+            report_heading(fact, "sure", setting, mirror - poses[:, 2])
         else:
             fact = f"the positions turn left where the heading turns right (agreement {opposes:.2f})"
             _add_mirror(c, i, mirror, fact, "sure" if headed else "likely")
@@ -538,10 +527,10 @@ def _check_turning_frame(c: CheckedLog, i: int) -> None:
         c.correct("odometry", i, divide_columns(c.log.odometry[i], -1.0, columns))
 
 
-def _check_compass_frame(c: CheckedLog, i: int) -> None:
-    """Check the turn or reflection that takes displacements to the true moves (orthogonal Procrustes)."""
+def check_compass_frame(c: CheckedLog, i: int) -> None:
+    """Find the turn or reflection that takes displacements to the true moves (orthogonal Procrustes)."""
     measured, true = (steps.move for steps in robot_motion(c.log, i).common_steps())
-    if (np.isfinite(measured) & np.isfinite(true)).all(axis=1).sum() < 20:
+    if not moves(c.log, i) or (np.isfinite(measured) & np.isfinite(true)).all(axis=1).sum() < 20:
         return
     follows, offset = concentration(wrap(course(true) - course(measured)))
     opposes, mirror = concentration(wrap(course(true) + course(measured)))
@@ -592,10 +581,9 @@ def check_scales(c: CheckedLog, i: int) -> None:
             c.add("scale", i, c.log.odometry[i].source, fact, "likely", f"{key} = {1 / b:.3g}", "model")
 
 
-# --- ReadingSeries
+# --- Readings
 
 BIAS = 0.1  # [m] a smaller one matters little beside the noise of ranges
-UNITS = {1000.0: "mm", 100.0: "cm", 0.01: "m", 0.001: "m"}
 BIAS_KEYS = {"range": "range_bias", "anchor_range": "anchor_range_bias"}
 
 
@@ -603,11 +591,10 @@ def check_range_units(c: CheckedLog) -> None:
     """Find ranges that are 100 or 1000 times the distance; within a factor of 2.5, as frames may still be wrong."""
     for channel, readings in range_channels(c.log):
         ratio = median(readings.values[:, 0] / distances(c.log, channel, readings))
-        for factor, unit in UNITS.items():
-            if factor / 2.5 < ratio < factor * 2.5:
-                fact, setting = f"ranges are {ratio:.3g} times the distances", f'unit = "{unit}"'
-                c.add("unit", None, readings.source, fact, "sure", setting, TABLES[channel], ("range",))
-                c.correct_readings(channel, divide_columns(readings, factor, (0,)))
+        if unit := unit_of_ratio(ratio, LENGTH_UNITS, 2.5):
+            fact, setting = f"ranges are {ratio:.3g} times the distances", f'unit = "{unit[1]}"'
+            c.add("unit", None, readings.source, fact, "sure", setting, TABLES[channel], ("range",))
+            c.correct(channel, None, divide_columns(readings, unit[2], (0,)))
 
 
 def check_names(c: CheckedLog) -> None:
@@ -622,7 +609,7 @@ def check_names(c: CheckedLog) -> None:
             fact = "ranges fit the distances of other names: " + ", ".join(changes)
             setting = 'nodes = { "name in the file" = "name here" }'
             c.add("robots", None, readings.source, fact, "likely", setting, TABLES[channel], ("nodes",))
-            c.correct_readings(channel, readings._replace(other=other))
+            c.correct(channel, None, readings._replace(other=other))
 
 
 def _find_renamed(log: TeamLog, channel: Channel, readings: ReadingSeries, i: int) -> dict[int, int]:
@@ -656,13 +643,11 @@ def check_reading_clocks(c: CheckedLog) -> None:
         # A third less spread; of few readings more, as a spread of n errs by about 1/sqrt(n), and many are tried.
         less = min(2 / 3, np.exp(-4 / np.sqrt(len(readings.time))))
         if abs(shift) > max(0.1, 1.5 * interval) and with_it < less * without:
-            fact = (
-                f"ranges fit the distances of {abs(shift):.3g} s {'later' if shift > 0 else 'earlier'} "
-                f"(spread {with_it:.3g} m, {without:.3g} m as stamped)"
-            )
+            fact = f"ranges fit the distances of {abs(shift):.3g} s {'later' if shift > 0 else 'earlier'} (spread "
+            fact += f"{with_it:.3g} m, {without:.3g} m as stamped)"
             sure = "sure" if with_it < 0.4 * without else "likely"
             c.add("clock", None, readings.source, fact, sure, f"clock_offset = {shift:.3g}", TABLES[channel])
-            c.correct_readings(channel, readings._replace(time=readings.time + shift))
+            c.correct(channel, None, readings._replace(time=readings.time + shift))
 
 
 def _best_shift(log: TeamLog, channel: Channel, readings: ReadingSeries) -> tuple[float, float, float]:
@@ -722,13 +707,13 @@ def check_bearings(c: CheckedLog) -> None:
             fact = f"bearings reach {largest:.4g} as read: they are in degrees"
             c.add("degrees", None, readings.source, fact, "sure", 'unit = "deg"', *place)
             readings = divide_columns(readings, 180 / np.pi, (1,))
-            c.correct_readings(channel, readings)
+            c.correct(channel, None, readings)
         bearing = readings.values[:, 1]
         (follows, offset), (opposes, _) = concentration(bearing - expected), concentration(bearing + expected)
         if opposes > max(FOLLOWS, follows + 0.1) and concentration(expected)[0] < 0.95:
             fact = f"bearings grow to the right (agreement {opposes:.2f}, {follows:.2f} to the left)"
             c.add("bearing", None, readings.source, fact, "sure", "write -bearing into the files", *place)
-            c.correct_readings(channel, divide_columns(readings, -1.0, (1,)))
+            c.correct(channel, None, divide_columns(readings, -1.0, (1,)))
         elif follows > FOLLOWS and abs(offset) > CAMERA_OFFSET:
             degrees = np.degrees(offset)
             fact = f"bearings are {degrees:+.0f} deg from the true directions (agreement {follows:.2f})"
@@ -750,10 +735,8 @@ def check_rssi(c: CheckedLog) -> None:
         elif len(known) >= 50 and np.ptp(np.log10(distance[known])) >= 0.3:
             fit = theilslopes(rssi[known], -10 * np.log10(distance[known]))
             if fit.high_slope < 0 or not DECAY[0] < fit.high_slope or fit.low_slope > DECAY[1]:
-                fact = (
-                    f"signal strength falls by {10 * fit.slope:.1f} dB where the distance is ten times as long "
-                    f"(eta {fit.slope:.2f}, 95 % from {fit.low_slope:.2f} to {fit.high_slope:.2f}); 1.5 to 6 is usual"
-                )
+                fact = f"signal strength falls by {10 * fit.slope:.1f} dB where the distance is ten times as long (eta "
+                fact += f"{fit.slope:.2f}, 95 % from {fit.low_slope:.2f} to {fit.high_slope:.2f}); 1.5 to 6 is usual"
         if fact:
             setting = "write dBm, which are below 0, into the files"
             c.add("rssi", None, readings.source, fact, sure, setting, "rssi", ("rssi",))

@@ -62,12 +62,7 @@ class CsvTable(NamedTuple):
 
 
 def read_csv(path: Path, name: str) -> CsvTable:
-    """Read a CSV file whose first line names the columns; lines that are too short or too long are left out.
-
-    Raises:
-        BadInput: the file is not text, has no header, or no line of data.
-
-    """
+    """Read a CSV file whose first line names the columns; lines that are too short or too long are left out."""
     text = read_text(path, "utf-8-sig").lstrip()
     if not text:
         raise BadInput(f"{path}: the file is empty; get it again")
@@ -352,10 +347,7 @@ def _first_columns(
 
 
 def _merge_parts(parts: Sequence[TablePart], unused: list[str]) -> list[TablePart]:
-    """Merge parts of the same table and columns; of odometry and truth keep the one with the most files.
-
-    A column whose unit seems to differ between files is read in SI, and a check tells more.
-    """
+    """Merge parts of the same table and columns; of odometry and truth keep the one with the most files."""
     groups: dict[Any, list[TablePart]] = {}
     for part in parts:
         alike = frozenset((q, g.column) for q, g in part.columns.items())
@@ -386,14 +378,7 @@ def _merge_parts(parts: Sequence[TablePart], unused: list[str]) -> list[TablePar
 
 
 def csv_draft(data: Path) -> Draft:
-    """Return the draft for a directory of CSV files, or of runs with such files.
-
-    `red/odom.csv` is of a robot, `monday/odom_red.csv` of a run: only the latter says in itself which robot it is of.
-
-    Raises:
-        BadInput: there are none, or nothing in them is odometry or truth.
-
-    """
+    """Return the draft for a directory of CSV files, or of runs with such files."""
     beside, _ = _read_files([p for p in _text_files(data) if p.parent == data], data, data)
     stamped = any(guess.quantity in ("time", "sec") for file in beside for guess in file.guesses)
     inside = [] if stamped else [p for p in sorted(data.iterdir()) if p.is_dir() and _text_files(p)]

@@ -51,16 +51,7 @@ class Draft(NamedTuple):
 
 
 def complete_draft(path: Path, draft: Draft, log: TeamLog, findings: tuple[Finding, ...], runs: int) -> Draft:
-    """Return the draft with settings that follow from the recording, and findings beside them.
-
-    Args:
-        path: of the recording.
-        draft: of the tables that say where everything is.
-        log: the recording, with its findings corrected.
-        findings: a comment for each stands in the table that it is about.
-        runs: how many there are.
-
-    """
+    """Return the draft with settings that follow from the recording, and findings beside them."""
     name = _one_line(path.resolve().name)
     about = Entry("about", f"recording {name}", "shown in reports; say who recorded it, and where", "perhaps")
     tables = [*draft.tables, *_settings(log, runs)]

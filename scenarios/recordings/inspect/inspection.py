@@ -9,17 +9,11 @@ from cooploc.estimators.errors import BadInput, nearest
 from cooploc.estimators.interface import Array
 from cooploc.scenarios.recordings import schema
 from cooploc.scenarios.recordings.fit import UnfittedModel
+from cooploc.scenarios.recordings.inspect import draft_toml
 from cooploc.scenarios.recordings.inspect.bag_draft import BAGS, bag_draft
 from cooploc.scenarios.recordings.inspect.checks import GAP, Finding, check_recording
 from cooploc.scenarios.recordings.inspect.csv_draft import ENDINGS, csv_draft
-from cooploc.scenarios.recordings.inspect.draft_toml import (
-    Draft,
-    DraftTable,
-    Entry,
-    common_span,
-    complete_draft,
-    head_lines,
-)
+from cooploc.scenarios.recordings.inspect.draft_toml import Draft, DraftTable, Entry, common_span
 from cooploc.scenarios.recordings.scenario import NO_ORDER, TeamScenario, reader
 from cooploc.scenarios.recordings.team_log import TeamLog, other_names
 
@@ -64,17 +58,7 @@ class Inspected(NamedTuple):
 
 
 def inspect_recording(path: Path, run: str = "", again: bool = False) -> Inspected:
-    """Inspect a directory of CSV files, a bag, a PyFG file or MRCLAM text.
-
-    Args:
-        path: a directory or file; a log.toml of a team in the directory is believed.
-        run: which recording of several; the first if empty.
-        again: guess everything once more, whatever log.toml says.
-
-    Raises:
-        BadInput: there is nothing that can be read; one line: fact, place and remedy.
-
-    """
+    """Inspect a directory of CSV files, a bag, a PyFG file or MRCLAM text."""
     form, why = recognize(path)
     directory = path if path.is_dir() else path.parent
     home = directory / schema.NAME
@@ -107,20 +91,15 @@ def inspect_recording(path: Path, run: str = "", again: bool = False) -> Inspect
         except BadInput as e:
             trial = Trial(str(e))
     else:
-        draft = complete_draft(path, draft, checked.log, findings, len(places))
+        draft = draft_toml.complete_draft(path, draft, checked.log, findings, len(places))
         draft, trial = run_draft(directory, home, draft, findings)
-        text = draft.text(head_lines(path, why, draft))
+        text = draft.text(draft_toml.head_lines(path, why, draft))
     found = tuple(places), log, checked.log, tuple(series_rows(log)), findings
     return Inspected(path, description.format, why, *found, draft.columns, draft.unused, text, trial)
 
 
 def recognize(path: Path) -> tuple[str, str]:
-    """Return the format of a recording without a log.toml, as it is called there, and the reason.
-
-    Raises:
-        BadInput: there is nothing at the path, or nothing that is known.
-
-    """
+    """Return the format of a recording without a log.toml, as it is called there, and the reason."""
     if not path.exists():
         raise BadInput(f"{path}: there is no such file or directory; name one with a recording")
     if path.is_file() and path.suffix.lower() in ENDINGS:
@@ -149,15 +128,15 @@ def series_rows(log: TeamLog) -> list[SeriesRow]:
             of = f"{log.robots[i]}-{other_names(log, channel)[k]}"
             found.append((channel, of, r.time[(r.robot == i) & (r.other == k)], r.source))
     zero = min((time[0] for _, _, time, _ in found if len(time)), default=0.0)
-    return [_row(name, of, time - zero, source) for name, of, time, source in found]
-
-
-def _row(name: str, of: str, time: Array, source: str) -> SeriesRow:
-    first, last = time[[0, -1]].tolist() if len(time) else (np.nan, np.nan)
-    intervals = np.diff(time)
-    usual, longest = (float(f(intervals)) if len(intervals) else np.nan for f in (np.median, np.max))
-    gaps, rate = int((intervals > max(GAP * usual, 1.0)).sum()), 1 / usual if usual > 0 else np.nan
-    return SeriesRow(name, of, len(time), rate, first, last, gaps, longest, time, source)
+    rows = []
+    for name, of, stamps, source in found:
+        time = stamps - zero
+        first, last = time[[0, -1]].tolist() if len(time) else (np.nan, np.nan)
+        intervals = np.diff(time)
+        usual, longest = (float(f(intervals)) if len(intervals) else np.nan for f in (np.median, np.max))
+        gaps, rate = int((intervals > max(GAP * usual, 1.0)).sum()), 1 / usual if usual > 0 else np.nan
+        rows.append(SeriesRow(name, of, len(time), rate, first, last, gaps, longest, time, source))
+    return rows
 
 
 def count_measurements(log: TeamLog) -> tuple[tuple[str, ...], tuple[str, ...], Array]:
@@ -188,12 +167,7 @@ FALLBACKS = (  # each on top of those before, until the draft runs
 
 
 def try_recordings(data: Path, description: schema.TeamDescription) -> Trial:
-    """Simulate every run that a description finds in a directory.
-
-    Raises:
-        BadInput: one cannot be simulated.
-
-    """
+    """Simulate every run that a description finds in a directory."""
     scenario, lines = TeamScenario.from_description(data, description), []
     for k in range(scenario.count()):
         run = scenario.at([k])

@@ -90,11 +90,8 @@ def known_truth(log: TeamLog, robot: int) -> Series | None:
     if series is None:
         return None
     known = np.isfinite(series.values[:, :2]).all(axis=1)
-    return (
-        series._replace(time=series.time[known], values=series.values[known])
-        if known.sum() >= FEWEST_POSITIONS
-        else None
-    )
+    some = series._replace(time=series.time[known], values=series.values[known])
+    return some if known.sum() >= FEWEST_POSITIONS else None
 
 
 def moves(log: TeamLog, robot: int) -> bool:

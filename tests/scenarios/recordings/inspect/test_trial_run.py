@@ -66,7 +66,7 @@ def changed(log, change):
     return log._replace(robots=robots, odometry=odometry, truth=truth, readings=readings)
 
 
-def assert_the_draft_runs(folder, out, change, monkeypatch):
+def require_run_of_draft(folder, out, change, monkeypatch):
     reader = scenario.reader
 
     def cut_reader(form):
@@ -90,7 +90,7 @@ def assert_the_draft_runs(folder, out, change, monkeypatch):
 def test_the_draft_of_a_made_recording_runs(tmp_path, name, change, monkeypatch):
     (tmp_path / "made").mkdir()
     MADE[name](tmp_path / "made")
-    assert_the_draft_runs(tmp_path / "made", tmp_path / "out", change, monkeypatch)
+    require_run_of_draft(tmp_path / "made", tmp_path / "out", change, monkeypatch)
 
 
 @pytest.mark.parametrize("change", ["no odometry", "no truth", "much too late", "another clock"])
@@ -115,4 +115,4 @@ def test_a_draft_leaves_out_a_robot_that_lacks_a_series_and_states_a_clock(tmp_p
 @pytest.mark.skipif(not DATA.exists(), reason="needs ../shared/data")
 @pytest.mark.parametrize(("place", "change"), REAL)
 def test_the_draft_of_a_real_recording_runs(tmp_path, place, change, monkeypatch):
-    assert_the_draft_runs(DATA / place, tmp_path / "out", change, monkeypatch)
+    require_run_of_draft(DATA / place, tmp_path / "out", change, monkeypatch)
