@@ -132,26 +132,20 @@ def simulate(
 
     """
     if several := [key for key, value in overrides.items() if isinstance(value, set | frozenset)]:
-        raise BadInput(
-            f"{several[0]} is a set of values, and a stream has one: cl.sweep runs estimators at each of them"
-        )
-    return _resolve(label, data, overrides, assumed or {}).simulate(trials, seed)
+        raise BadInput(f"{several[0]} is a set of values; a stream has one: cl.sweep runs estimators at each of them")
+    return resolve(label, data, assumed, **overrides).simulate(trials, seed)
 
 
-def resolve(label: str, data: str | Path | None = None, **overrides: Any) -> ResolvedScenario:
-    """Return the scenario of a label, with parameters overridden; `data` is the directory of a recording.
+def resolve(
+    label: str, data: str | Path | None = None, assumed: Mapping[str, Any] | None = None, **overrides: Any
+) -> ResolvedScenario:
+    """Return the scenario of a label, with parameters overridden, or `assumed` by the team beside those in the label.
 
     Raises:
         BadInput: an unknown scenario, variant or parameter, a value that does not fit, or a recording without `data`.
 
     """
-    return _resolve(label, data, overrides, {})
-
-
-def _resolve(
-    label: str, data: str | Path | None, overrides: Mapping[str, Any], assumed: Mapping[str, Any]
-) -> ResolvedScenario:
-    """Return a scenario; `assumed` are parameters that the team assumes, beside those that the label states."""
+    assumed = assumed or {}
     path, written = parse(label)
     name, which = split_family(path)
     found = family(name)

@@ -230,8 +230,8 @@ class Seedless(NamedTuple):
     def select(self, trials: slice) -> "Seedless":
         """Return consecutive trials of it."""
         n = self.stream.robots
-        rows = Rows(*(a[trials.start * n : trials.stop * n] for a in self.rows))
-        return Seedless(self.stream.select(trials), rows)
+        mine, (trial, robot, key) = slice(trials.start * n, trials.stop * n), self.rows
+        return Seedless(self.stream.select(trials), Rows(trial[mine], robot[mine], key[mine]))
 
 
 def remove_seed(stream: Stream) -> Seedless:
@@ -250,13 +250,13 @@ class PluginJob(NamedTuple):
 
 def require_fit_in_process(one: PluginJob, stream: Stream) -> None:
     """Do in its process what `require_fit` does."""
-    with _errors_named(one):
+    with _name_in_errors(one):
         call(one.owner, _require_fit, one, remove_seed(stream).stream)
 
 
 def trace_in_process(one: PluginJob, chunks: list[Stream], advance: Advance | None) -> Trace:
     """Return the trace of all chunks, each run in a process of its own."""
-    with _errors_named(one):
+    with _name_in_errors(one):
         futures = [submit(one.owner, len(chunks), _trace_chunk, one, remove_seed(chunk)) for chunk in chunks]
         try:
             for future in as_completed(futures):
@@ -270,7 +270,7 @@ def trace_in_process(one: PluginJob, chunks: list[Stream], advance: Advance | No
 
 
 @contextmanager
-def _errors_named(one: PluginJob) -> Iterator[None]:
+def _name_in_errors(one: PluginJob) -> Iterator[None]:
     """Name the estimator in errors of its process."""
     began = time.monotonic()
     try:

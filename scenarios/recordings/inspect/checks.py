@@ -28,16 +28,15 @@ from cooploc.scenarios.recordings.inspect.motion import (
     distances,
     ends,
     known_truth,
-    median,
     moves,
     pairs,
+    quantile,
     range_channels,
     robot_motion,
     robust_sd,
     robust_slope,
     shift_that_fits,
     take_rows,
-    third_quartile,
     true_turns,
 )
 from cooploc.scenarios.recordings.team_log import Channel, ReadingSeries, Series, TeamLog, fixed_places, other_names
@@ -181,7 +180,7 @@ def unit_of_ratio(
 def check_lengths(c: CheckedLog, i: int) -> None:
     """Find lengths of truth or odometry in mm or cm: the third quartile of their speeds differs by 1000 or 100."""
     m, odometry = robot_motion(c.log, i), c.log.odometry[i]
-    driven, moved = (third_quartile(np.abs(m.steps(motion).length)) / m.window for motion in (m.odometry, m.truth))
+    driven, moved = (quantile(np.abs(m.steps(motion).length), 0.75, 8) / m.window for motion in (m.odometry, m.truth))
     sides = (
         ("truth", "the truth is", moved, "odometry", driven, m.poses, POSITIONS),
         ("odometry", "odometry is", driven, "the truth", moved, odometry, LENGTHS.get(c.log.odometry_kind, POSITIONS)),
@@ -234,8 +233,8 @@ def check_turn_unit(c: CheckedLog, i: int) -> None:
     if c.log.odometry_kind == "displacement":
         return
     m, odometry = robot_motion(c.log, i), c.log.odometry[i]
-    measured = third_quartile(np.abs(m.steps(m.odometry).turn))
-    true = third_quartile(np.abs(true_turns(m.steps(m.truth))))
+    measured = quantile(np.abs(m.steps(m.odometry).turn), 0.75, 8)
+    true = quantile(np.abs(true_turns(m.steps(m.truth))), 0.75, 8)
     column, name, per = (2, "heading", "") if c.log.odometry_kind == "pose" else (1, "turn_rate", "/s")
     ratio = measured / true if true > 0.01 * m.window else np.nan
     if found := unit_of_ratio(ratio, ANGLE_UNITS, 2.5):
@@ -590,7 +589,7 @@ BIAS_KEYS = {"range": "range_bias", "anchor_range": "anchor_range_bias"}
 def check_range_units(c: CheckedLog) -> None:
     """Find ranges that are 100 or 1000 times the distance; within a factor of 2.5, as frames may still be wrong."""
     for channel, readings in range_channels(c.log):
-        ratio = median(readings.values[:, 0] / distances(c.log, channel, readings))
+        ratio = quantile(readings.values[:, 0] / distances(c.log, channel, readings), 0.5)
         if unit := unit_of_ratio(ratio, LENGTH_UNITS, 2.5):
             fact, setting = f"ranges are {ratio:.3g} times the distances", f'unit = "{unit[1]}"'
             c.add("unit", None, readings.source, fact, "sure", setting, TABLES[channel], ("range",))
@@ -625,7 +624,7 @@ def _find_renamed(log: TeamLog, channel: Channel, readings: ReadingSeries, i: in
             here, there = ends(log, channel, some._replace(other=np.full(len(some.time), candidate)))
             residual = some.values[:, 0] - np.hypot(*(there - here[:, :2]).T)
             if np.isfinite(residual).sum() >= FEWEST:
-                misfit[row, column] = median(np.abs(residual - median(residual)))
+                misfit[row, column] = quantile(np.abs(residual - quantile(residual, 0.5)), 0.5)
     found = {
         int(named[r]): candidates[k]
         for r, k in zip(*linear_sum_assignment(np.where(np.isfinite(misfit), misfit, 1e6)), strict=True)
@@ -659,7 +658,7 @@ def _best_shift(log: TeamLog, channel: Channel, readings: ReadingSeries) -> tupl
 
     def misfit(shift: float) -> float:
         residual = few.values[:, 0] - distances(log, channel, few, shift)
-        centred = np.concatenate([residual[rows] - median(residual[rows]) for rows in groups])
+        centred = np.concatenate([residual[rows] - quantile(residual[rows], 0.5) for rows in groups])
         return robust_sd(centred) if np.isfinite(centred).sum() >= FEWEST else np.inf
 
     span = float(readings.time[-1] - readings.time[0])
@@ -676,7 +675,7 @@ def check_biases(c: CheckedLog) -> None:
         residual = readings.values[:, 0] - distances(c.log, channel, readings)
         found = {}
         for i, k, rows in pairs(readings, channel):
-            bias, error = median(residual[rows]), 1.2533 * robust_sd(residual[rows]) / np.sqrt(len(rows))
+            bias, error = quantile(residual[rows], 0.5), 1.2533 * robust_sd(residual[rows]) / np.sqrt(len(rows))
             if np.isfinite(residual[rows]).sum() >= FEWEST and abs(bias) > max(BIAS, 5 * error):
                 found[f"{c.log.robots[i]}-{other_names(c.log, channel)[k]}"] = bias
         if found:
@@ -728,7 +727,7 @@ def check_rssi(c: CheckedLog) -> None:
         rssi, distance = readings.values[:, 0], distances(c.log, channel, readings)
         known = np.flatnonzero(np.isfinite(rssi) & np.isfinite(distance))
         known = known[:: max(1, len(known) // MOST)]
-        middle, sure, fact = median(rssi), "likely", ""
+        middle, sure, fact = quantile(rssi, 0.5), "likely", ""
         if middle > 0:
             fact = f"signal strengths are above 0 (median {middle:.3g}): dBm without their sign, or a share"
             sure = "sure"

@@ -203,18 +203,21 @@ def _guess(table: CsvTable, column: str, file_side: str) -> Guess:
     quantity, named_unit, side = name_meaning(column)
     reason, values = f"its name {column!r}", table.numbers(column)
     falls, rises = np.diff(values) < 0, len(values) > 10 and (np.diff(values) >= 0).all() and np.ptp(values) > 0
+    beside = {name_meaning(name)[::2] for name in table.columns}
+    is_place = all(
+        name in table.columns and name_meaning(name)[0] == name[-1] for name in (column[:-1] + q for q in "xy")
+    )
     unknown = ""
     if not quantity:
         unknown = "neither name nor values say what it is"
     elif isinstance(table.columns[column], tuple) and quantity not in NAMES:
         unknown = f"its name says {quantity}, but its values are not numbers"
-    elif quantity == "turn_rate" and _is_beside_pose(table, column):
+    elif quantity == "turn_rate" and column[:-1] and column[-1] == "w" and is_place:
         unknown = "w beside x and y: part of a quaternion, or a heading"
     elif quantity in ("time", "sec") and len(values) > 1 and falls.mean() > 0.01:
         unknown = f"its name says {quantity}, but its values fall"
     if unknown:
         return Guess(column, "", "", side, unknown)
-    beside = {name_meaning(name)[::2] for name in table.columns}
     if rises and (quantity, side) == ("x", "odometry") and ("y", "odometry") not in beside:
         quantity = "length"
         reason += " has no y beside it, and its values only rise: a counter of metres"
@@ -264,13 +267,6 @@ def _time_unit(values: Array) -> tuple[str, str]:
         if usual >= least and float(np.ptp(values)) > 2e3:
             return unit, f"the usual interval is {usual:.4g}"
     return "s", f"the usual interval is {usual:.3g}"
-
-
-def _is_beside_pose(table: CsvTable, column: str) -> bool:
-    """Return whether a column "..._w" stands beside "..._x" and "..._y" that are a place."""
-    beside = {letter: column[:-1] + letter for letter in "xy"}
-    places = all(name in table.columns and name_meaning(name)[0] == q for q, name in beside.items())
-    return len(column) > 1 and column.endswith("w") and places
 
 
 # --- Tables that columns belong to
@@ -382,7 +378,7 @@ def csv_draft(data: Path) -> Draft:
     beside, _ = _read_files([p for p in _text_files(data) if p.parent == data], data, data)
     stamped = any(guess.quantity in ("time", "sec") for file in beside for guess in file.guesses)
     inside = [] if stamped else [p for p in sorted(data.iterdir()) if p.is_dir() and _text_files(p)]
-    try:
+    try:  # red/odom.csv is of a robot, monday/odom_red.csv of a run: only the latter says itself whose it is
         draft, robots = _draft_run(inside[0] if inside else data, data)
     except BadInput:
         if not inside:

@@ -167,16 +167,10 @@ def dead_reckoned(log: TeamLog, robot: int) -> Array | None:
     return np.concatenate([start[None, :2], start[:2] + moved])
 
 
-def median(values: Array) -> float:
-    """Return the median of the finite values, nan if there are none."""
+def quantile(values: Array, share: float, fewest: int = 1) -> float:
+    """Return a quantile of the finite values; nan if there are fewer than `fewest`."""
     known = values[np.isfinite(values)]
-    return float(np.median(known)) if len(known) else np.nan
-
-
-def third_quartile(values: Array) -> float:
-    """Return the third quartile of the finite values, nan if there are fewer than eight."""
-    known = values[np.isfinite(values)]
-    return float(np.quantile(known, 0.75)) if len(known) >= 8 else np.nan
+    return float(np.quantile(known, share)) if len(known) >= fewest else np.nan
 
 
 def robust_sd(values: Array) -> float:
