@@ -253,7 +253,8 @@ def load(which: str, including: tuple[str, ...] = ()) -> Study:
 def _validate(content: dict[str, Any], where: str) -> Study:
     also = content.get("also")
     blocks = also if isinstance(also, list | tuple) else ()  # anything else is refused below
-    for part, model, what in ((content, Study, "a study"), *((b, Block, "a block of [[also]]") for b in blocks)):
+    parts: list[tuple[Any, type[BaseModel], str]] = [(content, Study, "a study")]
+    for part, model, what in parts + [(block, Block, "a block of [[also]]") for block in blocks]:
         known = list(model.model_fields)
         if unknown := [key for key in part if key not in known] if isinstance(part, dict) else []:
             raise BadInput(f"{where}: there is no key {unknown[0]!r} in {what}; {nearest(unknown[0], known)}")
