@@ -31,6 +31,13 @@ def is_covariance(P: np.ndarray, tolerance: float = 1e-9) -> bool:
     return bool(symmetric and np.linalg.eigvalsh((P + P.mT) / 2).min() >= -tolerance * scale)
 
 
+def about(values: np.ndarray, mean: float, sd: float, sds: float = 4.5) -> None:
+    """The sample's mean and sd lie within so many standard errors of what they should be."""
+    values = np.ravel(values)
+    assert abs(values.mean() - mean) < sds * sd / np.sqrt(len(values))
+    assert abs(values.std() - sd) < sds * sd / np.sqrt(2 * len(values))
+
+
 def threefry(key: np.ndarray, counter: int, particle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Threefry-2x32-20 words (r, n), (r, n) for keys (r, 2) and particles (n,), as the paper states it."""
     rotations = 13, 15, 26, 6, 17, 29, 16, 24

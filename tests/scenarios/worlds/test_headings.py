@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from oracles import about
 
 import cooploc as cl
 from cooploc.estimators import BUILTIN
@@ -16,14 +17,6 @@ def camera():
 @pytest.fixture(scope="module")
 def arena():
     return cl.simulate("no-compass", trials=30, seed=4)
-
-
-def about(values, mean, sd, sds=4.5):
-    """The sample's mean and sd lie within so many standard errors of what they should be."""
-    values = np.ravel(values)
-    n = len(values)
-    assert abs(values.mean() - mean) < sds * sd / np.sqrt(n)
-    assert abs(values.std() - sd) < sds * sd / np.sqrt(2 * n)
 
 
 def true_drive(truth, tick):

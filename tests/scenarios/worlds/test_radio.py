@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from oracles import corners, log_distance
+from oracles import about, corners, log_distance
 
 import cooploc as cl
 from cooploc.scenarios import seeds, simulate
@@ -13,14 +13,6 @@ from cooploc.scenarios.worlds.radio import Paper
 @pytest.fixture(scope="module")
 def paper():
     return simulate("trajectory", trials=60, seed=11)
-
-
-def about(values, mean, sd, sds=4.5):
-    """The sample's mean and sd lie within so many standard errors of what they should be."""
-    values = np.ravel(values)
-    n = len(values)
-    assert abs(values.mean() - mean) < sds * sd / np.sqrt(n)
-    assert abs(values.std() - sd) < sds * sd / np.sqrt(2 * n)
 
 
 def distances(a, b):

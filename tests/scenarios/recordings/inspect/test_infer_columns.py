@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.recordings.inspect.csv_draft import file_pattern, name_meaning, read_csv
 
 LINES = 40
@@ -82,19 +81,3 @@ def test_a_rising_column_is_the_time_and_a_counter_named_x_a_length_and_others_a
 )
 def test_what_differs_between_names_of_files_is_the_robot(files, pattern, robots):
     assert file_pattern(files) == (pattern, robots)
-
-
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ("", "is empty"),
-        ("t,x\n", "no line of data"),
-        ("1,2\n3,4\n", "names of the columns"),
-        ("t,t\n1,2\n", "two columns"),
-    ],
-)
-def test_a_file_that_is_no_table_is_one_line(tmp_path, text, words):
-    path = tmp_path / "a.csv"
-    path.write_text(text)
-    with pytest.raises(BadInput, match=words):
-        read_csv(path, path.name)

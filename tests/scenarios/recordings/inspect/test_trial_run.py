@@ -22,17 +22,8 @@ def made_graph(folder):
     (folder / "graph.pyfg").write_text("".join(POSES + STEPS))
 
 
-def made_walls(folder):
-    files = two_robots(seconds=60)
-    t = files["uwb.csv"]["time"]
-    files["uwb.csv"]["to"] = np.array(["north", "east"])[np.arange(len(t)) % 2]
-    write(folder, files)
-    (folder / "anchors.csv").write_text("name,x,y\nnorth,0,5\neast,6,0\n")
-
-
 MADE = {
     "glitches": lambda folder: eight_glitches(folder),
-    "anchors": made_walls,
     "graph": made_graph,
     **{f"bag {kind}": lambda folder, kind=kind: made_bag(folder, kind, seconds=10.0) for kind in KINDS},
 }
