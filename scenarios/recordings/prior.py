@@ -13,7 +13,7 @@ UNIFORM = np.pi / np.sqrt(3)  # [rad] standard deviation of a uniform heading
 REST, REACH = 0.02, 0.1  # [m] the first motion: from the last position within REST of the start to the first past REACH
 
 
-def prior(
+def start_belief(
     robots: Sequence[str],
     where: Sequence[str],
     declared: Prior,
@@ -23,13 +23,8 @@ def prior(
 ) -> tuple[Belief, str]:
     """Return the belief before the first tick, x (1, n, d) and P (1, n, d, d), and a sentence of where it comes from.
 
-    Args:
-        robots: their names, by which a position or a heading may be declared.
-        where: the recording of each, to be named in errors.
-        declared: the sources.
-        arena: (2, 2) [m].
-        poses: (T + 1, n, 3) true ones; row 0 is at the prior's time.
-        turns: (T, n) by odometry in each tick [rad]; None: robots have a compass, and no heading is estimated.
+    `where` names each robot's recording in errors; row 0 of the true poses (T + 1, n, 3) is at the prior's time; turns
+    (T, n) [rad] are by odometry, or None: robots have a compass, and no heading is estimated. `arena` is (2, 2) [m].
     """
     n = len(robots)
     if declared.position == "arena":
@@ -59,15 +54,9 @@ def prior(
 
 
 def first_course(truth: Array, turns: Array) -> float:
-    """Return the true course of the first REACH metres, less the turn until then by odometry [rad].
+    """Return the true course of the first REACH metres, less the turn (T,) until then by odometry [rad].
 
-    Args:
-        truth: (T + 1, 2) [m], nan where unknown but for the first.
-        turns: (T,) [rad]
-
-    Returns:
-        nan of a robot that does not get that far.
-
+    `truth` (T + 1, 2) [m] is nan where unknown but for the first; the course of a robot that stays is nan.
     """
     away = np.hypot(*(truth - truth[0]).T)
     if not (away > REACH).any():

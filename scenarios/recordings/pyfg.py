@@ -180,8 +180,11 @@ def read_run(data: Path, place: Path, name: str, description: TeamDescription) -
     odometry = tuple(_odometry(graph, chain, steps) for chain in chains.values())
     truth = tuple(_series(graph, chain, [graph.poses[name].pose for name in chain]) for chain in chains.values())
     robots, readings = tuple(chains), dict[Channel, ReadingSeries]()
-    polar = _measured(graph, [*map(_polar, sightings), *map(_polar, graph.seen)])
-    for kind, measured, places in (("range", _measured(graph, graph.ranges), anchors), ("sighting", polar, landmarks)):
+    polar = _measurements(graph, [*map(_polar, sightings), *map(_polar, graph.seen)])
+    for kind, measured, places in (
+        ("range", _measurements(graph, graph.ranges), anchors),
+        ("sighting", polar, landmarks),
+    ):
         channels, notes = split_channels(cast(Kind, kind), [measured], robots, places.names)
         readings |= channels
         graph.warnings.extend(notes)
@@ -232,7 +235,7 @@ def _series(graph: Graph, chain: Chain, rows: Sequence[Sequence[float]]) -> Seri
     return series
 
 
-def _measured(graph: Graph, edges: Sequence[Edge]) -> Measured:
+def _measurements(graph: Graph, edges: Sequence[Edge]) -> Measured:
     """Return measurements at the time of the first pose that they name."""
     first = [graph.poses[e.first] for e in edges]
     other = [graph.poses[e.second].robot if e.second in graph.poses else e.second for e in edges]

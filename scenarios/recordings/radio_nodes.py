@@ -45,12 +45,7 @@ class Assignment(NamedTuple):
 
 
 def assign(ranges: Sequence[NodeRanges], carriers: Mapping[str, Series]) -> Assignment:
-    """The node of each carrier.
-
-    Args:
-        ranges: between nodes; a pair may be there twice, in either order.
-        carriers: what may carry a node, with its true positions over time (x, y first): robots, or marked furniture.
-    """
+    """Return the node of each carrier: a robot, or marked furniture, with its true positions (x, y first) over time."""
     nodes = sorted({name for one in ranges for name in (one.first, one.second)})
     if len(nodes) < 2 or len(carriers) < 2:
         raise BadInput(f"{len(nodes)} nodes and {len(carriers)} carriers; to tell which is where takes two of each")

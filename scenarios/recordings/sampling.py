@@ -10,7 +10,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from cooploc.estimators.errors import BadInput
-from cooploc.estimators.interface import Array, Indices, Mask
+from cooploc.estimators.interface import Array, Indices
 from cooploc.estimators.models import wrap, wrap_heading
 from cooploc.scenarios.recordings.team_log import (
     READING_COLUMNS,
@@ -25,18 +25,7 @@ from cooploc.scenarios.stream import Air
 
 
 def interpolate(stamps: Array, values: Array, at: Array, max_gap: float) -> Array:
-    """Interpolate linearly between the stamps before and after.
-
-    Args:
-        stamps: (m,) rising [s].
-        values: (m, k); angles unwrapped.
-        at: (T,) times [s].
-        max_gap: [s] no interpolation across longer gaps.
-
-    Returns:
-        (T, k); nan outside the stamps and in gaps longer than `max_gap`.
-
-    """
+    """Interpolate values (m, k), angles unwrapped, at times (T,): (T, k), nan outside and in gaps over `max_gap`."""
     after = np.searchsorted(stamps, at)
     inside = (after < len(stamps)) & (at >= stamps[0])
     after = np.minimum(after, len(stamps) - 1)
@@ -47,16 +36,9 @@ def interpolate(stamps: Array, values: Array, at: Array, max_gap: float) -> Arra
 
 
 def mean_held(stamps: Array, values: Array, edges: Array) -> Array:
-    """Return the mean over each interval of a signal that holds every value until the next stamp (zero-order hold).
+    """Return the means (T, k) between the edges (T + 1,) of values (m, k) that hold until the next stamp.
 
-    Args:
-        stamps: (m,) rising [s].
-        values: (m, k).
-        edges: (T + 1,) of the intervals [s].
-
-    Returns:
-        (T, k); nan where an interval begins before the first stamp or after the last, as what held there is unknown.
-
+    They are nan where an interval begins before the first stamp or after the last, as what held there is unknown.
     """
     knots = np.append(stamps, max(stamps[-1], edges[-1]))
     integral = np.cumsum(np.concatenate([np.zeros_like(values[:1]), values * np.diff(knots)[:, None]]), axis=0)
@@ -191,15 +173,9 @@ def _hold_values(time: Array, u: Array, grid: Grid, max_hold: float) -> Array:
     """Return the means (T, k) of values that hold until the next stamp (time less t0), nan where it is far."""
     edges = grid.edges - grid.t0
     mean = mean_held(time, u, edges) if grid.lines is None else u[np.searchsorted(time, edges[:-1])]
-    return np.where(_gaps(time, edges, max_hold)[:, None], np.nan, mean)
-
-
-def _gaps(time: Array, edges: Array, max_hold: float) -> Mask:
-    """Ticks (T,) that begin or end between two stamps further apart than `max_hold`."""
     gap = np.append(np.diff(time, prepend=time[0]), 0.0)  # before each stamp, and after the last
-    begins = gap[np.searchsorted(time, edges[:-1], side="right")]
-    ends = gap[np.searchsorted(time, edges[1:], side="left")]
-    return np.asarray((begins > max_hold) | (ends > max_hold))
+    begins, ends = gap[np.searchsorted(time, edges[:-1], side="right")], gap[np.searchsorted(time, edges[1:])]
+    return np.where(((begins > max_hold) | (ends > max_hold))[:, None], np.nan, mean)
 
 
 # ---- The readings of a team on the grid of ticks, as estimators get them

@@ -32,7 +32,7 @@ from cooploc.scenarios.recordings.fit import (
     link_residuals,
     team_models,
 )
-from cooploc.scenarios.recordings.prior import prior
+from cooploc.scenarios.recordings.prior import start_belief
 from cooploc.scenarios.recordings.sampling import Gaps, Grid, grid_of_lines, resample_readings
 from cooploc.scenarios.recordings.schema import NAME, TeamDescription
 from cooploc.scenarios.recordings.team_log import TeamLog, arena_around
@@ -171,7 +171,9 @@ class TeamScenario(schema.Model):
     @cached_property
     def folder(self) -> TeamFolder:
         """The recordings in the directory."""
-        return TeamFolder(self.data, schema.load(schema.shipped_path(self.described)) if self.described else None)
+        return TeamFolder(
+            self.data, schema.load(Path(__file__).parent / f"{self.described}.{NAME}") if self.described else None
+        )
 
     @cached_property
     def judged_run(self) -> JudgedRun:
@@ -245,7 +247,7 @@ class TeamScenario(schema.Model):
         seen = resample_readings(log, grid, models.bias, self._sample.ranges_go_to, self.packets)
         turns = None if log.odometry_kind == "displacement" else odometry[..., 1] * grid.dt[:, None]
         where = [f"run {log.name!r}: robot {robot!r}" for robot in log.robots]
-        belief, source = prior(log.robots, where, self._prior, arena, poses, turns)
+        belief, source = start_belief(log.robots, where, self._prior, arena, poses, turns)
         dt = np.broadcast_to(grid.dt[:, None], (1, *odometry.shape[:2])).copy()
         stream = Stream(
             scenario=label,

@@ -40,7 +40,6 @@ import math
 import re
 import tomllib
 from collections.abc import Mapping
-from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self
 
@@ -76,7 +75,7 @@ class LogColumn(Strict):
 
     @model_validator(mode="before")
     @classmethod
-    def _from_name(cls, given: Any) -> Any:
+    def _parse_name(cls, given: Any) -> Any:
         """A column's name alone, or `column` and `unit`."""
         if isinstance(given, str):
             return {"column": given}
@@ -112,17 +111,12 @@ Place = tuple[float, float]  # [m]
 Name = Annotated[str, Field(pattern=r"^[^\s,/{}\[\]]+$", max_length=60)]
 
 
-def _as_list(given: Any) -> Any:
-    """One table or column, where there may be several."""
-    return given if isinstance(given, list | tuple) else [given]
-
-
 def _require_inside(file: str | None) -> None:
     if file is not None and (Path(file).is_absolute() or ".." in Path(file).parts):
         raise ValueError(f"file is {file!r}; name one inside the directory")
 
 
-Several = BeforeValidator(_as_list)
+Several = BeforeValidator(lambda given: given if isinstance(given, list | tuple) else [given])  # or one by itself
 TimeColumns = Annotated[tuple[Seconds, ...], Field(min_length=1), Several]
 
 
@@ -432,11 +426,6 @@ def load(path: Path) -> TeamDescription:
         raise BadInput(f"{path}: there is no such file; {EXAMPLE}") from None
     except (OSError, UnicodeDecodeError) as e:
         raise BadInput(f"{path}: cannot be read as TOML ({e}); correct it") from None
-
-
-def shipped_path(name: str) -> Path:
-    """Return the path of a description that comes with cooploc."""
-    return Path(str(files(__package__))) / f"{name}.{NAME}"
 
 
 def parse(path: Path, text: str) -> TeamDescription:

@@ -62,12 +62,7 @@ def recover(file: Path, reason: str) -> tuple[Bag, str]:
 
 
 def find_messages(raw: bytes) -> tuple[dict[str, str], list[Message], int]:
-    """Find all messages in the bytes of a .db3 file.
-
-    Returns:
-        the type of each topic; the messages in the order of their rows; and the number of the last row.
-
-    """
+    """Return the type of each topic in the bytes of a .db3, the messages by row, and the number of the last row."""
     topics = _topics(raw)
     cells = [cell for cell in _rows(raw) if cell.topic in topics]
     middle = np.median([cell.time for cell in cells]) if cells else 0
@@ -104,7 +99,7 @@ def _rows(raw: bytes) -> Iterator[MessageRow]:
         data = body + width + 8
         end = data + (code - 12) // 2
         row = _begin_of_varint(raw, record)
-        payload = _as_varint(end - record)
+        payload = _encode_varint(end - record)
         begin = row - len(payload)
         if begin >= 0 and raw[begin:row] == payload:
             time = int.from_bytes(raw[data - 8 : data], "big")
@@ -140,7 +135,7 @@ def _varint(raw: bytes) -> int:
     return value
 
 
-def _as_varint(value: int) -> bytes:
+def _encode_varint(value: int) -> bytes:
     digits = [value & 0x7F]
     while value := value >> 7:
         digits.append(value & 0x7F | 0x80)
