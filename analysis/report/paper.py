@@ -278,10 +278,8 @@ WAITING = 6  # floats, after which a page is begun; LaTeX keeps eighteen
 
 def document(title: str, floats: list[str]) -> str:
     """Return a two-column paper that includes every figure and table; each figure stands in its own size."""
-    lines = [START, rf"\section*{{\raggedright {breakable(title)}}}"]
-    for number, one in enumerate(floats, 1):
-        lines += [one, *([r"\clearpage"] if number % WAITING == 0 else [])]
-    return "\n".join([*lines, END]) + "\n"
+    body = [one + "\n\\clearpage" * (number % WAITING == 0) for number, one in enumerate(floats, 1)]
+    return "\n".join([START, rf"\section*{{\raggedright {breakable(title)}}}", *body, END]) + "\n"
 
 
 def _float(kind: str, width: int, label: str, caption: str, body: str, notes: str) -> str:
@@ -334,13 +332,13 @@ def bibtex(estimators: Iterable[str], scenarios: Iterable[str] = ()) -> str:
     families = {label.partition("/")[0].partition("[")[0] for label in scenarios}
     used = {"cooploc"} | {key for name in names for key in source_keys(name)}
     used |= {key for key, source in sources().items() if families & set(source.get("scenarios", ()))}
-    entries = [_entry(key, source) for key, source in sources().items() if key in used]
-    missing = [f"% {' '.join(name.split())} is not built in: add its source\n" for name in names if name not in BUILTIN]
-    return "\n".join([*entries, *missing])
-
-
-def _entry(key: str, source: dict[str, Any]) -> str:
-    fields = {name: value for name, value in source.items() if name not in ("type", "estimators", "scenarios")}
-    fields |= {"note": f"Version {version('cooploc')}"} if key == "cooploc" else {}
-    lines = [f"  {name} = {{{value}}}," for name, value in fields.items()]
-    return "\n".join([f"@{source['type']}{{{key},", *lines, "}"]) + "\n"
+    entries = []
+    for key in filter(used.__contains__, sources()):
+        source = dict(sources()[key])
+        kind, _, _ = source.pop("type"), source.pop("estimators", ()), source.pop("scenarios", ())
+        source |= {"note": f"Version {version('cooploc')}"} if key == "cooploc" else {}
+        entries.append("\n".join([f"@{kind}{{{key},", *(f"  {name} = {{{v}}}," for name, v in source.items()), "}\n"]))
+    entries += [
+        f"% {' '.join(name.split())} is not built in: add its source\n" for name in names if name not in BUILTIN
+    ]
+    return "\n".join(entries)

@@ -335,33 +335,24 @@ def _extremes(part: pd.DataFrame) -> str:
     factor = (error.max() / error.min()).dropna()
     if len(factor) < 2:
         return "Fewer than two estimators were run."
-    ends = {}
-    for name in (str(factor.idxmax()), str(factor.idxmin())):
+    texts = []
+    for name in (factor.idxmax(), factor.idxmin()):
         rows = part[(part["estimator"] == name) & part["rmse"].notna()].sort_values("rmse").to_dict("records")
-        texts = []
-        for row in (rows[0], rows[-1]):
-            both = interval(metres)(row["rmse_low"], row["rmse_high"])
-            texts.append(f"{metres(row['rmse'])} m{f' ({both})' if both else ''} at {row['value']:g}")
-        ends[name] = " and ".join(texts)
-    most, least = ends if len(ends) == 2 else (*ends, *ends)
-    return f"{most} depends on it most, with {ends[most]}; {least} least, with {ends[least]}."
+        ends = [interval(metres)(row["rmse_low"], row["rmse_high"]) for row in (rows[0], rows[-1])]
+        at = [
+            f" ({both})" * bool(both) + f" at {row['value']:g}"
+            for both, row in zip(ends, (rows[0], rows[-1]), strict=True)
+        ]
+        texts.append(f"{metres(rows[0]['rmse'])} m{at[0]} and {metres(rows[-1]['rmse'])} m{at[1]}")
+    return f"{factor.idxmax()} depends on it most, with {texts[0]}; {factor.idxmin()} least, with {texts[1]}."
 
 
 def _against_baseline(part: pd.DataFrame, baseline: str) -> str:
     """Return at how many values each estimator beats the baseline, and loses to it, by the paired interval."""
-    counts: dict[tuple[int, int, int], list[str]] = {}
-    for name in (str(each) for each in dict.fromkeys(part["estimator"]) if each != baseline):
-        mine = part[part["estimator"] == name]
-        better, worse = int((mine["change_high"] < 0).sum()), int((mine["change_low"] > 0).sum())
-        counts.setdefault((better, worse, len(mine)), []).append(name)
-    if not counts:
-        return f"Only {baseline} was run."
     texts = []
-    for (better, worse, n), names in sorted(counts.items(), reverse=True):
-        beat, lose = ("beats", "loses") if len(names) == 1 else ("beat", "lose")
-        at = {k: f"{f'{k} of ' * (k < n)}{'all ' * (k == n)}{count_of(n, 'value')}" for k in (better, worse)}
-        parts = [f"{beat} {baseline} at {at[better]}"] if better else []
-        parts += [f"{lose} to {'it' if better else baseline} at {at[worse]}"] if worse else []
-        neither = f"neither {beat} {baseline} nor {lose} to it at any of {count_of(n, 'value')}"
-        texts.append(f"{join_words(names)} {' and '.join(parts) or neither}")
-    return f"By paired intervals, {'; '.join(texts)}."
+    for name, mine in part[part["estimator"] != baseline].groupby("estimator", sort=False):
+        better, worse = (mine["change_high"] < 0).sum(), (mine["change_low"] > 0).sum()
+        texts.append(
+            f"{name} beats {baseline} at {better} and loses to it at {worse} of {count_of(len(mine), 'value')}"
+        )
+    return f"By paired intervals, {'; '.join(texts)}." if texts else f"Only {baseline} was run."

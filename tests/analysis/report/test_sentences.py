@@ -144,13 +144,14 @@ def test_every_outcome_of_a_swept_parameter_is_said():
             "ticks",
             "mixed depends on it most, with 0.100 m (0.090 to 0.110) at 10 and 0.900 m (0.890 to 0.910) at 20; "
             "worse least, with 0.500 m (0.490 to 0.510) at 10 and 0.600 m (0.590 to 0.610) at 20. "
-            "By paired intervals, better beats arl at all 2 values; "
-            "mixed beats arl at 1 of 2 values and loses to it at 1 of 2 values; "
-            "worse loses to arl at all 2 values; same neither beats arl nor loses to it at any of 2 values.",
+            "By paired intervals, better beats arl at 2 and loses to it at 0 of 2 values; "
+            "mixed beats arl at 1 and loses to it at 1 of 2 values; "
+            "worse beats arl at 0 and loses to it at 2 of 2 values; "
+            "same beats arl at 0 and loses to it at 0 of 2 values.",
         )
     ]
     assert dependence_sentences(sensitivity("arl"))[0][1] == "Fewer than two estimators were run. Only arl was run."
     table = sensitivity("arl", "better").assign(**dict.fromkeys(("change_low", "change_high", "rmse_low"), np.nan))
     ((_, text),) = dependence_sentences(table)
-    assert "better neither beats arl nor loses to it" in text
+    assert "better beats arl at 0 and loses to it at 0" in text
     assert "0.100 m at 10" in text
