@@ -181,16 +181,14 @@ def claims_shown(kept: StoredRun, ledger: Ledger) -> dict[str, Any] | None:
 def _sentence(judged: pd.DataFrame) -> str:
     """Return the judged claims by verdict; one whose cases differ is named with their counts."""
     base = judged[(judged["variant"] == BASE) & (judged["verdict"] != "not run")]
-    alike: dict[str, list[str]] = {}
-    mixed = []
+    found: dict[str, list[str]] = {verdict: [] for verdict in (*verdicts.VERDICTS, "differs by case")}
     for claim, part in base.groupby("claim", sort=False):
         counts = part["verdict"].value_counts(sort=False)
         if len(counts) == 1:
-            alike.setdefault(str(counts.index[0]), []).append(str(claim))
+            found[str(counts.index[0])].append(str(claim))
         else:
-            mixed.append(f"{claim} ({', '.join(f'{count} {verdict}' for verdict, count in counts.items())})")
-    parts = [f"{verdict}: {', '.join(alike[verdict])}" for verdict in verdicts.VERDICTS if verdict in alike]
-    parts += [f"differs by case: {', '.join(mixed)}"] if mixed else []
+            each = ", ".join(f"{count} {verdict}" for verdict, count in counts.items())
+            found["differs by case"].append(f"{claim} ({each})")
+    text = "; ".join(f"{verdict}: {', '.join(names)}" for verdict, names in found.items() if names)
     seen, every = base["claim"].nunique(), count_of(judged["claim"].nunique(), "claim")
-    found = "; ".join(parts)
-    return f"As the paper states them, {seen} of {every} could be looked at. {found[:1].upper()}{found[1:]}."
+    return f"As the paper states them, {seen} of {every} could be looked at. {text[:1].upper()}{text[1:]}."

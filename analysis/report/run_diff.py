@@ -1,5 +1,6 @@
 """Changes from one run to another: paired by trial where both ran on the same streams, else unpaired."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -68,22 +69,20 @@ def changes(a: StoredRun, b: StoredRun) -> pd.DataFrame:
 def _change(a: pd.DataFrame, b: pd.DataFrame) -> dict[str, Any]:
     """Return the change of one scenario and estimator."""
     before, after = (trials for part in (a, b) for trials in trial_means(part).values())
+    found: dict[str, Any] = {"pairing": "unpaired", "trials": min(len(before), len(after)), "equal": 0}
+    measure: Callable[[Any, Any], Interval] = unpaired_change
     if set(a["stream"]) & set(b["stream"]):
-        both = before.add_suffix("_a").join(after.add_suffix("_b"), how="inner")
-        pairs = both[both["stream_a"] == both["stream_b"]]
-        x, y = pairs["mse_a"].to_numpy(float), pairs["mse_b"].to_numpy(float)
-        values = [pairs[[f"{name}_{run}" for name in EXACT]].to_numpy(float) for run in "ab"]
-        equal = ((values[0] == values[1]) | (np.isnan(values[0]) & np.isnan(values[1]))).all(1).sum()
-        found: dict[Any, Any] = {"pairing": "paired", "trials": len(pairs), "equal": int(equal)}
-        found |= pairs[["anees_a", "anees_b"]].mean().to_dict()
-        ends = statistics.change(x, y)
-    else:
-        x, y = before["mse"].to_numpy(float), after["mse"].to_numpy(float)
-        found = {"pairing": "unpaired", "trials": min(len(x), len(y)), "equal": 0}
-        found |= {"anees_a": before["anees"].mean(), "anees_b": after["anees"].mean()}
-        ends = unpaired_change(x, y)
-    rmse = {f"rmse_{run}": float(np.sqrt(mse.mean())) if len(mse) else np.nan for run, mse in (("a", x), ("b", y))}
-    return {**found, **rmse, **dict(zip(("change", "change_low", "change_high"), ends, strict=True))}
+        both = before.index.intersection(after.index)
+        both = both[(before.loc[both, "stream"] == after.loc[both, "stream"]).to_numpy()]
+        before, after, measure = before.loc[both], after.loc[both], statistics.change
+        x, y = before[EXACT].to_numpy(float), after[EXACT].to_numpy(float)
+        equal = ((x == y) | (np.isnan(x) & np.isnan(y))).all(1).sum()
+        found = {"pairing": "paired", "trials": len(both), "equal": int(equal)}
+    mse = [part["mse"].to_numpy(float) for part in (before, after)]
+    for run, part, squares in zip("ab", (before, after), mse, strict=True):
+        rmse = float(np.sqrt(squares.mean())) if len(squares) else np.nan
+        found |= {f"anees_{run}": part["anees"].mean(), f"rmse_{run}": rmse}
+    return found | dict(zip(("change", "change_low", "change_high"), measure(*mse), strict=True))
 
 
 def unpaired_change(x: Any, y: Any) -> Interval:
@@ -139,7 +138,8 @@ def table(found: pd.DataFrame) -> Table:
         text_column("estimator", second_line=True),
         *_before_after("RMSE [m]", "rmse", metres),
         number_column("change", of=("same", "change"), form=lambda same, share: "0 %" if same else change(share)),
-        number_column("95 %", *ends, of=("same", *ends), form=_write_ends, second_line=True),
+        number_column("95 %", *ends, of=("same", *ends), second_line=True,
+                      form=lambda same, *ends: "" if same else interval(change)(*ends)),
         *_before_after("ANEES", "anees", ratio),
         *_before_after("bytes", "bytes", count, priority=1),
         *_before_after("µs", "seconds", microseconds, priority=2),
@@ -149,10 +149,6 @@ def table(found: pd.DataFrame) -> Table:
     )  # fmt: skip
     rows = found.assign(same=found["equal"] == found["trials"]).to_dict("records")
     return Table("changes", "What changed", columns, rows)
-
-
-def _write_ends(same: bool, low: float, high: float) -> str:
-    return "" if same else interval(change)(low, high)
 
 
 def _before_after(head: str, key: str, form: Format, priority: int = 0) -> tuple[TableColumn, TableColumn]:
