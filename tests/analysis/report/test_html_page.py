@@ -114,8 +114,7 @@ def test_groups_are_shown_where_estimators_are_ranked_and_left_out_where_there_i
 
 
 def test_of_many_estimators_a_sweep_gives_the_range_and_its_table_all_numbers(tmp_path):
-    names = {f"e{i}": (1.0 + i, 1.0) for i in range(14)}
-    rows = pd.concat([rows_of(label, names) for label in DROPS], ignore_index=True)
+    rows = pd.concat([rows_of(label, {f"e{i}": (1.0 + i, 1.0) for i in range(14)}) for label in DROPS])
     rows["mse"] *= np.where(rows["scenario"] == DROPS[2], 4.0, 1.0)
     assert "it grows for 14 estimators (by 100\u00a0% to 100\u00a0%)." in page(kept_from(rows, tmp_path), tmp_path)
     assert len(pd.read_csv(tmp_path / "tables" / "experiment-one-sweep1.csv")) == 14

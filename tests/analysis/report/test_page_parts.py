@@ -42,17 +42,12 @@ def test_parameters_that_scenarios_share_are_said_once_and_others_beside_each(ro
     assert {field for model in models for field in model.model_fields} - {"data"} <= set(meanings())
 
 
-@pytest.mark.parametrize(
-    ("study", "title", "below"),
-    [
-        ({"title": "Lost packets", "about": "When do they matter?"}, "Lost packets", "When do they matter?"),
-        ({"title": "", "about": "When do they matter?"}, "When do they matter?", ""),
-        ({"about": "word " * LONGEST_TITLE}, "mine", "word " * LONGEST_TITLE),
-    ],
-)
-def test_a_page_is_called_as_the_user_says_else_what_its_study_is_about_or_the_studys_name(study, title, below):
-    found = heading({"study": {"name": "mine", **study}})
-    assert (found["title"], found["about"]) == (title, below)
+def test_a_page_is_called_as_the_user_says_else_what_its_study_is_about_or_the_studys_name():
+    about, long = "When do they matter?", "word " * LONGEST_TITLE
+    expected = {("Lost packets", about): ("Lost packets", about), ("", about): (about, ""), ("", long): ("mine", long)}
+    for (title, text), shown in expected.items():
+        found = heading({"study": {"name": "mine", "title": title, "about": text}})
+        assert (found["title"], found["about"]) == shown
 
 
 def test_estimators_are_introduced_once_with_their_configurations_and_no_foreign_code_runs(tmp_path):
@@ -67,7 +62,7 @@ def test_estimators_are_introduced_once_with_their_configurations_and_no_foreign
     assert (other["about"], other["defaults"]) == ("Not built in.", {})
 
 
-def test_what_is_to_be_copied_says_what_was_run(rows, tmp_path):
+def test_what_is_to_be_copied_says_what_was_run_and_the_methods_how_the_run_ended(rows, tmp_path):
     text = page_texts.paragraph(numbers_of(kept_from(rows, tmp_path)))
     assert "We compared 3 estimators in 2 scenarios with cooploc 0 (8 trials a scenario, random seed 3)" in text
     assert "baseline (arl)" in text
@@ -75,9 +70,6 @@ def test_what_is_to_be_copied_says_what_was_run(rows, tmp_path):
     assert all(words in entry for words in ("version = {1.2}", "commit abc"))
     assert entry.count("{") == entry.count("}")
     assert f'title: "{page_texts.TITLE}"' in (Path(__file__).parents[3] / "CITATION.cff").read_text()
-
-
-def test_the_methods_are_those_of_how_the_run_ended():
     fixed, decided = page_texts.methods(False), page_texts.methods(True)
     assert list(decided) == [*fixed, "Decided"]
     assert {term for term in fixed if fixed[term] != decided[term]} == {"p (Holm)", "Ties", "Rank, group"}

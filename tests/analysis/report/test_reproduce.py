@@ -72,20 +72,14 @@ def test_another_result_exits_1_and_says_by_how_much(report, tmp_path):
     assert "0 of 2 results are bit-equal" in done.stdout
 
 
-@pytest.mark.parametrize(
-    ("content", "said"),
-    [
-        ("{broken", "is damaged"),
-        ('{"format": 99, "manifest": {"seed": 1, "versions": {}}, "sample": []}', "this version reads up to"),
-    ],
-)
-def test_what_is_no_report_is_refused(tmp_path, content, said):
-    (tmp_path / "index.html").write_text("<html></html>")
-    with pytest.raises(cl.BadInput, match="embeds no manifest"):
-        reproduce.load(tmp_path)
-    (tmp_path / "index.html").write_text(f'<script type="application/json" id="manifest">{content}</script>')
-    with pytest.raises(cl.BadInput, match=said):
-        reproduce.load(tmp_path)
+def test_what_is_no_report_is_refused(tmp_path):
+    tag = '<script type="application/json" id="manifest">{}</script>'
+    newer = '{"format": 99, "manifest": {"seed": 1, "versions": {}}, "sample": []}'
+    bad = {"<html></html>": "embeds no manifest", tag.format("{broken"): "is damaged"}
+    for page, message in {**bad, tag.format(newer): "this version reads up to"}.items():
+        (tmp_path / "index.html").write_text(page)
+        with pytest.raises(cl.BadInput, match=message):
+            reproduce.load(tmp_path)
 
 
 def test_a_report_of_recordings_is_run_again_with_their_directory_and_others_are_told_apart(tmp_path):
