@@ -5,8 +5,7 @@ belief makes another. Their harmonic mean replaces the robot's own, and the rest
 
 It is inverse covariance intersection with a fixed weight (`ekf_ici.py`), where the means agree. Where they do not, the
 covariance is smaller, so that a robot which is wrong may become sure of it; no bound is known. A teammate that knows
-less takes away from what a robot knows: with weight = 0.5 and equal means, the covariance of one number grows by up to
-21 %.
+less takes away from what a robot knows.
 
 Source: N. Sharma, R. Tharmarasa, S. Bhaumik, T. Kirubarajan, "On pooling-based track fusion strategies: harmonic mean
 density", arXiv 2412.06716, 2024. Its use with a reading of part of the state is ours.

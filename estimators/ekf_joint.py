@@ -127,8 +127,15 @@ class EkfJoint:
         return State(prior.x, block_diagonal(prior.P), world, np.zeros(prior.x.shape[:2]))
 
     def predict(self, s: State, z: Senses) -> State:
-        """P_ij' = F_i P_ij F_j',  P_ii' = F_i P_ii F_i' + Q_i."""
-        x, F, Q = self._move_team(s.world, s.x, z)
+        """P_ij' = F_i P_ij F_j',  P_ii' = F_i P_ii F_i' + Q_i.
+
+        A random move has x' = x, F = I, Q = diag(speed^2, speed^2, turn_rate^2) hold dt, as the steps of a random walk.
+        """
+        x, F, Q = kalman.move(s.world.motion, s.x, z)
+        if self.absent_odometry == "random":
+            blind = np.asarray(np.isnan(z.odometry).any(-1))[..., None, None]
+            anyhow = np.diag([self.speed**2, self.speed**2, self.turn_rate**2][: x.shape[-1]])
+            Q = np.where(blind, anyhow * self.hold * z.dt[..., None, None], Q)
         if self.engine == "batched" and isinstance(s.world.motion, Displacement):
             P = s.P.copy()  # F = I
             np.einsum("tiaib->tiab", P)[...] += Q
@@ -164,18 +171,6 @@ class EkfJoint:
 
     def estimate(self, s: State) -> Belief:
         return Belief(wrap_heading(s.x), np.ascontiguousarray(s.P.diagonal(axis1=1, axis2=3).transpose(0, 3, 1, 2)))
-
-    def _move_team(self, world: World, x: Array, z: Senses) -> tuple[Array, Array, Array]:
-        """Return x', F, Q of states x (t, n, d).
-
-        At random x' = x, F = I, Q = diag(speed^2, speed^2, turn_rate^2) hold dt, as the steps of a random walk.
-        """
-        x_moved, F, Q = kalman.move(world.motion, x, z)
-        if self.absent_odometry == "random":
-            blind = np.asarray(np.isnan(z.odometry).any(-1))[..., None, None]
-            anyhow = np.diag([self.speed**2, self.speed**2, self.turn_rate**2][: x.shape[-1]])
-            Q = np.where(blind, anyhow * self.hold * z.dt[..., None, None], Q)
-        return x_moved, F, Q
 
     def _team_readings(self, world: World, z: Senses, air: Mail) -> Iterator[tuple[Sensor, Array]]:
         """Yield the readings of teammates that are used, (t, receiver, sender, k) by sensor."""

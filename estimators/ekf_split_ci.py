@@ -47,7 +47,6 @@ class EkfSplitCi:
     Parameters:
         form: which part of a received estimate counts as independent: "literal", its independent part; "received",
             none of it; "conservative", what its sender has never sent before.
-
     """
 
     api: ClassVar[int] = 1

@@ -134,7 +134,7 @@ class State(NamedTuple):
         return PairFactors(y, H, H_j, R, seen_at)
 
     def append_pose(self, own: Window) -> Self:
-        """Add a new pose, of which no teammate has said anything."""
+        """Add a new pose without readings or messages of teammates."""
 
         def append(past: Array) -> Array:
             return np.concatenate([past, np.full((len(past), 1, *past.shape[2:]), np.nan)], 1)

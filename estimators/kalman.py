@@ -1,7 +1,7 @@
 """The steps that the Kalman filters share: parameters, moves and updates of a belief, messages, readings of teammates.
 
-Two engines compute the same: `batched` is a compiled loop over rows (`kalman_kernels.py`), which `predict` and `kalman`
-state in numpy; `filterpy` runs filterpy's ExtendedKalmanFilter row by row, as a filterpy user would.
+Two engines compute the same: `batched` is a compiled loop over rows (`kalman_kernels.py`), which `kalman` states in
+numpy; `filterpy` runs filterpy's ExtendedKalmanFilter row by row, as a filterpy user would.
 """
 
 import inspect
@@ -128,19 +128,12 @@ def root(P: Array) -> Array:
 
 def present(y: Array, H: Array, R: Array) -> Mask:
     """Return which rows (...) have no nan in their reading, Jacobian and noise."""
-    finite: Mask = np.asarray(~(np.isnan(y).any(-1) | np.isnan(H).any((-2, -1)) | np.isnan(R).any((-2, -1))))
-    return finite
+    return np.asarray(~(np.isnan(y).any(-1) | np.isnan(H).any((-2, -1)) | np.isnan(R).any((-2, -1))))
 
 
 def distance(y: Array, S: Array) -> Array:
     """Return the squared Mahalanobis distance y' S^-1 y (...)."""
-    d2: Array = np.einsum("...i,...i->...", y, np.linalg.solve(S, y[..., None])[..., 0])
-    return d2
-
-
-def predict(P: Array, F: Array, Q: Array) -> Array:
-    """Return F P F' + Q of rows P (..., d, d)."""
-    return symmetric(F @ P @ F.mT + Q)
+    return np.asarray(np.einsum("...i,...i->...", y, np.linalg.solve(S, y[..., None])[..., 0]))
 
 
 def kalman(x: Array, P: Array, y: Array, H: Array, R: Array, gate: float = np.inf) -> tuple[Array, Array]:
@@ -423,11 +416,8 @@ def pair_readings(world: World, z: Senses, air: Mail) -> Iterator[tuple[Sensor, 
 
 def reading_tables(world: World, z: Senses, air: Mail) -> Iterator[tuple[Sensor, Array]]:
     """Yield the same readings as one array (t, receiver, sender, k) a sensor, nan on the diagonal."""
-    for channel, readings in (
-        ("sighting", z.sighting),
-        ("radio_rssi", air.rssi[..., None]),
-        ("radio_range", air.range[..., None]),
-    ):
+    radio = ("radio_rssi", air.rssi[..., None]), ("radio_range", air.range[..., None])
+    for channel, readings in (("sighting", z.sighting), *radio):
         sensor = world.sensors.get(channel)
         if sensor is not None and not np.isnan(readings).all():
             yield sensor, np.where(np.eye(world.robots, dtype=bool)[..., None], np.nan, readings)

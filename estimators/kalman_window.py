@@ -216,11 +216,9 @@ def _append(window: Any, newest: Any) -> Any:
 
 def _squared_norm(y: Array, information: Any) -> Array:
     """Return y' M y of vectors (..., k)."""
-    squared: Array = (y * times(information, y)).sum(-1)
-    return squared
+    return np.asarray((y * times(information, y)).sum(-1))
 
 
 def times(A: Array, x: Array) -> Array:
     """Return A x of matrices (..., m, k) and vectors (..., k)."""
-    product: Array = (A @ x[..., None])[..., 0]
-    return product
+    return np.asarray((A @ x[..., None])[..., 0])

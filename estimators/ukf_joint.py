@@ -118,9 +118,13 @@ class UkfJoint:
             q = points[..., 1, :2] if isinstance(place, int) else place
             return -sensor.innovation(points[..., 0, :], q, known[trials, None])[0]
 
+        if isinstance(sensor, Sighting):
+            turns = np.array([False, True])  # which numbers of the reading are angles
+        else:
+            turns = np.full(len(sensor.R), isinstance(sensor, (Bearing, GradientDoa)))
         update = _update if self.engine == "batched" else _filterpy_update
         R = np.broadcast_to(np.where(absent[:, None, None], np.eye(R.shape[-1]), R), (len(s.x), *R.shape[-2:]))
-        x, P, d2, sound = update(self, s, h, members, _angles_of(sensor), R)
+        x, P, d2, sound = update(self, s, h, members, turns, R)
         use = (~absent & sound & (d2 <= self.gate))[:, None, None]
         return s._replace(x=np.where(use, wrap_heading(x), s.x), P=np.where(use, P, s.P))
 
@@ -138,8 +142,7 @@ def _weights(p: UkfJoint, m: int) -> tuple[float, Array, Array]:
 def _points(x: Array, columns: Array) -> Array:
     """Return chi_0 = x (t, .., d),  chi_k = x +- column k (t, m, .., d) of the Cholesky factor."""
     x = x[:, None]
-    points: Array = np.concatenate([x, x + columns, x - columns], 1)
-    return points
+    return np.asarray(np.concatenate([x, x + columns, x - columns], 1))
 
 
 def _columns(P: Array, scale: float) -> Array:
@@ -238,13 +241,6 @@ def _filterpy_update(
         x[i], P[i], d2[i] = ukf.x.reshape(x.shape[1:]), ukf.P, ukf.y @ ukf.SI @ ukf.y
         sound[i] = _is_sound(_whiten_cross(_moments(ukf.sigmas_h[None], Wm, turns)[1], scale), ukf.S[None], R[i])[0]
     return x, P, d2, sound
-
-
-def _angles_of(sensor: Sensor) -> Mask:
-    """Return which numbers (k,) of a reading are angles."""
-    if isinstance(sensor, Sighting):
-        return np.array([False, True])
-    return np.full(len(sensor.R), isinstance(sensor, (Bearing, GradientDoa)))
 
 
 def _headings(n: int, d: int) -> Mask:
