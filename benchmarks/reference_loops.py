@@ -15,6 +15,7 @@ import cvxpy as cp
 import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter
 from filterpy.monte_carlo import systematic_resample
+from scipy.linalg import block_diag
 
 from cooploc.estimators.interface import Belief, Traffic
 from cooploc.estimators.models import gradient_doa
@@ -97,9 +98,7 @@ class Loop:
         self.range_R = world.sensors["radio_range"].R
         self.ekf = ExtendedKalmanFilter(2 * self.n, 1, 2 * self.n)
         self.ekf.x, self.ekf.B = x.ravel().copy(), np.eye(2 * self.n)
-        self.ekf.P = np.zeros((2 * self.n, 2 * self.n))
-        for i in range(self.n):
-            self.ekf.P[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] = P[i]
+        self.ekf.P = block_diag(*P)
         self.Q = np.eye(2 * self.n) * world.motion.sigma**2 / world.motion.tick
 
     def predict(self, moves: Any, dt: float) -> None:
@@ -109,15 +108,13 @@ class Loop:
     def direct(self, i: int, S: Any) -> None:
         """Update by the direction of the gradient of four readings S."""
         gx, gy = self.gradient(S)
-        z = math.atan2(gy, gx)
-        self.update(z, lambda x: self.direction(x, i), self.doa_R, turned)
+        self.update(math.atan2(gy, gx), *self.direction(self.ekf.x, i), self.doa_R, turned)
 
     def measure(self, i: int, j: int, z: float) -> None:
         """Update by a range from i to j."""
-        self.update(z, lambda x: self.distance(x, i, j), self.range_R, np.subtract)
+        self.update(z, *self.distance(self.ekf.x, i, j), self.range_R, np.subtract)
 
-    def update(self, z: float, model: Any, R: Any, residual: Any) -> None:
-        h, H = model(self.ekf.x)
+    def update(self, z: float, h: Any, H: Any, R: Any, residual: Any) -> None:
         self.ekf.update(np.array([z]), lambda _: H, lambda _: h, R=R, residual=residual)
 
     def gradient(self, S: Any) -> tuple[float, float]:

@@ -24,7 +24,6 @@ from typing import NamedTuple
 import pandas as pd
 
 import cooploc as cl
-from cooploc.analysis.report.tables import Table, number_column, text_column
 
 HEAD = """# Reliability
 
@@ -117,11 +116,7 @@ class Cell(NamedTuple):
         (folder / self.label.partition(":")[0]).write_text(text)
 
 
-class Outcome(NamedTuple):
-    """What became of one cell."""
-
-    held: bool
-    said: str  # the bad trial's failure
+Outcome = tuple[bool, str]  # whether a cell held, and the bad trial's failure
 
 
 def main(report: str, *modes: str) -> int:
@@ -134,7 +129,7 @@ def main(report: str, *modes: str) -> int:
         with tempfile.TemporaryDirectory() as folder:
             outcomes, seconds = run(cells, mode, Path(folder))
         put(Path(report), mode, section(mode, outcomes, seconds))
-        lost += sum(not one.held for one in outcomes.values())
+        lost += sum(not held for held, _ in outcomes.values())
     return min(lost, 1)
 
 
@@ -154,7 +149,11 @@ def run(cells: list[Cell], mode: str, folder: Path) -> tuple[dict[Cell, Outcome]
     """One study of all cells; what became of each, and how long it took [s]."""
     for cell in cells:
         cell.write(folder)
-    study(cells, folder)
+    estimators = [BUILTIN, *(cell.label for cell in cells if cell.place != "simulate")]
+    scenarios = [cell.pair[0] for cell in cells if cell.place == "simulate"]
+    lines = [f"trials = 2\ntime_limit = {LIMIT}\nbaseline = '{BUILTIN}'\nscenarios = ['{WORLD}']"]
+    lines += [f"estimators = {estimators}", f"[[also]]\nscenarios = {scenarios}\nestimators = ['{BUILTIN}']"]
+    (folder / "cells.toml").write_text("\n".join(lines))
     out = folder / mode.replace(" ", "")
     command = [sys.executable, "-m", "cooploc", "run", "cells.toml", "--no-check", "--out", str(out)]
     began = time.monotonic()
@@ -167,21 +166,13 @@ def run(cells: list[Cell], mode: str, folder: Path) -> tuple[dict[Cell, Outcome]
     return {cell: outcome(cell, rows, sound) for cell in cells}, time.monotonic() - began
 
 
-def study(cells: list[Cell], folder: Path) -> None:
-    estimators = [BUILTIN, *(cell.label for cell in cells if cell.place != "simulate")]
-    scenarios = [cell.pair[0] for cell in cells if cell.place == "simulate"]
-    lines = [f"trials = 2\ntime_limit = {LIMIT}\nbaseline = '{BUILTIN}'\nscenarios = ['{WORLD}']"]
-    lines += [f"estimators = {estimators}", f"[[also]]\nscenarios = {scenarios}\nestimators = ['{BUILTIN}']"]
-    (folder / "cells.toml").write_text("\n".join(lines))
-
-
 def outcome(cell: Cell, rows: pd.DataFrame, sound: bool) -> Outcome:
     """Trial 1 must have failed, and trial 0 too where import or `__init__` is at fault; else it has a result."""
     scenario, estimator = cell.pair
     mine = rows[(rows["scenario"] == scenario) & (rows["estimator"] == estimator)].groupby("trial")["failure"].first()
     always = cell.place in ("import", "__init__")
     held = sound and list(mine.index) == [0, 1] and isinstance(mine[1], str) and isinstance(mine[0], str) == always
-    return Outcome(held, str(mine.get(1, "no row")))
+    return held, str(mine.get(1, "no row"))
 
 
 @contextmanager
@@ -197,27 +188,21 @@ def started(mode: str) -> Iterator[list[str]]:
 
 
 def section(mode: str, outcomes: dict[Cell, Outcome], seconds: float) -> str:
-    good = sum(one.held for one in outcomes.values())
+    good = sum(held for held, _ in outcomes.values())
     lines = [f"## Crashes with {mode}: {good} of {len(outcomes)} hold, {seconds:.0f} s", "", EXPLAINED, ""]
     lines += [f"| | {' | '.join(f'`{place}`' for place in PLACES)} |", "| --- |" + " --- |" * len(PLACES)]
     for kind in KINDS:
         row = [outcomes[Cell(kind, place)] for place in PLACES]
-        lines.append(f"| {kind} | {' | '.join('✓' if one.held else f'✗ {one.said}' for one in row)} |")
+        lines.append(f"| {kind} | {' | '.join('✓' if held else f'✗ {text}' for held, text in row)} |")
     said: dict[str, list[str]] = {}
-    for cell, one in outcomes.items():
-        said.setdefault(re.sub(r" \(\w+\.py:\d+\)$", "", one.said), []).append(f"{cell.kind} in `{cell.place}`")
+    for cell, (_, text) in outcomes.items():
+        said.setdefault(re.sub(r" \(\w+\.py:\d+\)$", "", text), []).append(f"{cell.kind} in `{cell.place}`")
     told = [f"- {line}: {', '.join(where)}" for line, where in said.items()]
     return "\n".join([*lines, "", "What the failed trials say:", "", *told])
 
 
 TRIALS = 6
 RECORDED = {"mrclam": "mrclam6", "wifi-priors": "wifi-rssi"}  # runs on recordings, and the folder of these
-COLUMNS = (
-    text_column("run"),
-    number_column("results"),
-    number_column("bit-equal", "equal"),
-    text_column("not equal", "unlike"),
-)
 
 
 def reproduced(report: Path, runs: str, data: str) -> int:
@@ -231,15 +216,17 @@ def reproduced(report: Path, runs: str, data: str) -> int:
         found = cl.reproduce(folder, TRIALS, recordings).table
         unlike = found[~found["equal"]]
         first = "; ".join(f"{one.estimator} in {one.scenario}: {one.remark}" for one in unlike.head(2).itertuples())
-        rows.append({"run": folder.name, "results": len(found), "equal": int(found["equal"].sum()), "unlike": first})
+        rows.append((folder.name, len(found), found["equal"].sum(), first.replace("|", r"\|")))
     text = f"""## Every report's runs, run again
 
 Of each run {TRIALS} trials, each of another scenario where there are as many, with all estimators that ran there.
 `cooploc reproduce RUN_DIR` lists the results one by one.
 
-{Table("reproduced", "", COLUMNS, rows).markdown()}"""
-    put(report, "reproduced", text)
-    return int(any(row["equal"] < row["results"] for row in rows))
+| run | results | bit-equal | not equal |
+| :-- | --: | --: | :-- |
+"""
+    put(report, "reproduced", text + "".join(f"| {' | '.join(map(str, row))} |\n" for row in rows))
+    return int(any(equal < results for _, results, equal, _ in rows))
 
 
 if __name__ == "__main__":

@@ -25,7 +25,6 @@ from scipy.stats import linregress, t
 import cooploc as cl
 from cooploc.analysis.execution.provenance import provenance
 from cooploc.estimators.covariance_intersection import solve_relative
-from cooploc.estimators.dead_reckoning import DeadReckoning
 from cooploc.scenarios.runner.trace import trace, warm_up
 
 REPORTS = Path(__file__).resolve().parents[1] / "reports"
@@ -96,8 +95,7 @@ def particles(rounds: int) -> Iterator[Line]:
         taken = np.array([[seconds(function) / size for function, size in work.values()] for _ in range(rounds)])
         double, single, lean = taken.T
         for kind, mine, aim in zip(ours, (double, single), aims, strict=True):
-            what = f"lean filterpy loop / mrsl-rssi in {kind} precision, {robots} robots"
-            yield Line(what, lean / mine, aim, False)
+            yield Line(f"lean filterpy loop / mrsl-rssi in {kind} precision, {robots} robots", lean / mine, aim, False)
         if robots >= LARGE:
             yield Line(f"double / single precision, {robots} robots", double / single, TWICE, False)
     yield from rounding()
@@ -130,22 +128,18 @@ def weighing(rounds: int) -> Iterator[Line]:
     rng = np.random.default_rng(2)
     a = rng.normal(size=(FUSIONS, 2, 2))
     P, H, alone = a @ a.mT + 0.1 * np.eye(2), rng.normal(size=(FUSIONS, 1, 2)), np.arange(FUSIONS)
-    asked = (lambda: [ask_cvxpy(p, 0.05 * p, h) for p, h in zip(P[:FRESH], H, strict=False)], FRESH, 1)
-    ours = (lambda: solve_relative(P, 0.05 * P, H, -H, np.eye(1), "trace", "cvxpy", 2, alone), FUSIONS, 3)
-    slow, fast = race([asked, ours], rounds)
-    yield Line("cvxpy, a range, alone [µs a fusion]", 1e6 * fast, 150, True, 1e6 * slow)
 
+    def ask() -> None:
+        for p, h in zip(P[:FRESH], H, strict=False):
+            ask_cvxpy(p, 0.05 * p, h)
 
-def race(contenders: list[tuple[Callable[[], object], int, int]], rounds: int) -> Any:
-    """Return seconds per fusion (contender, round) of each (function, fusions, repeat), after a round to compile."""
-    for function, _, _ in contenders:
-        function()
-    return np.array(
-        [
-            [seconds(lambda f=f, k=repeat: [f() for _ in range(k)]) / repeat / n for f, n, repeat in contenders]
-            for _ in range(rounds)
-        ]
-    ).T
+    def solve() -> None:
+        solve_relative(P, 0.05 * P, H, -H, np.eye(1), "trace", "cvxpy", 2, alone)
+
+    ask(), solve()  # to compile
+    taken = [(seconds(ask) / FRESH, seconds(solve) / FUSIONS) for _ in range(rounds)]
+    slow, fast = 1e6 * np.array(taken).T
+    yield Line("cvxpy, a range, alone [µs a fusion]", fast, 150, True, slow)
 
 
 # ---------------------------------------------------------------------------------------------- EKFs
@@ -155,13 +149,6 @@ FILTERS = tuple(f"ekf-{name}" for name in ("local", "naive", "ci", "split-ci", "
 TICKS, FEW = 1500, 300  # the filters', and the twins'
 
 
-class Nothing(DeadReckoning):
-    """Stays where it started: the runner's own time."""
-
-    def predict(self, s: Any, z: Any) -> Any:
-        return s
-
-
 def recorded(rounds: int) -> Iterator[Line]:
     """Measure every EKF on a recording, beside its engine="filterpy" twin, and by the command."""
     there = DATA.is_dir()
@@ -169,26 +156,22 @@ def recorded(rounds: int) -> Iterator[Line]:
     given: Any = {"data": str(DATA)} if there else {"trials": 1, "seed": 1, "ticks": TICKS}
     _, stream = cl.simulate("mrclam/all" if there else what, **given)
     long, short = stream.truncated(TICKS), stream.truncated(FEW)
-    ours: dict[str, Any] = {"nothing": Nothing(), **{name: cl.make(name) for name in FILTERS}}
+    ours: dict[str, Any] = {name: cl.make(name) for name in FILTERS}
     twins = {name: cl.make(name, engine="filterpy") for name in FILTERS}
     for estimator in (*ours.values(), *twins.values()):
         warm_up("warm", estimator, stream)
-    mine: dict[str, list[float]] = {name: [] for name in ours}
-    ratio: dict[str, list[float]] = {name: [] for name in twins}
-    theirs: dict[str, list[float]] = {name: [] for name in twins}
+    mine, theirs, ratio = (dict[str, list[float]]((name, []) for name in FILTERS) for _ in range(3))
     for _ in range(rounds):
         for name, estimator in ours.items():
             mine[name].append(1e6 * trace(name, estimator, long).seconds / (TICKS * stream.robots))
-            if name in twins:
-                brief, other = trace(name, estimator, short), trace(name, twins[name], short)
-                ratio[name].append(other.seconds / brief.seconds)
-                theirs[name].append(1e6 * other.seconds / (FEW * stream.robots))
-                demand_equal(f"the engines of {name}", other.x[..., :2], brief.x[..., :2])
+            brief, other = trace(name, estimator, short), trace(name, twins[name], short)
+            ratio[name].append(other.seconds / brief.seconds)
+            theirs[name].append(1e6 * other.seconds / (FEW * stream.robots))
+            demand_equal(f"the engines of {name}", other.x[..., :2], brief.x[..., :2])
     for name in ours:
-        yield Line(f"{what}, {name} [µs per robot and tick]", mine[name], 20, True, theirs.get(name))
-        if name in twins:
-            yield Line(f"its engine=filterpy twin / {name}", ratio[name], 10, False)
-    together = np.sum(list(theirs.values()), 0) / np.sum([mine[name] for name in twins], 0)
+        yield Line(f"{what}, {name} [µs per robot and tick]", mine[name], 20, True, theirs[name])
+        yield Line(f"its engine=filterpy twin / {name}", ratio[name], 10, False)
+    together = np.sum(list(theirs.values()), 0) / np.sum(list(mine.values()), 0)
     yield Line("all twins together / all seven filters together", together, 10, False)
     if there:
         command = ("run", "mrclam", "--estimators", ",".join(FILTERS), "--data", str(DATA), "--jobs", "1")
@@ -307,7 +290,6 @@ def draw(found: dict[str, Costs], path: Path) -> None:
             ax.loglog(SIZES[what], np.median(values, 1), "o-", label=label)
         for ax in (above, below):
             ax.legend(frameon=False)
-            ax.spines[["top", "right"]].set_visible(False)
         below.set_xlabel(what)
     axes[0, 0].set_ylabel("processor seconds")
     axes[1, 0].set_ylabel("memory [MB]")
@@ -361,15 +343,11 @@ def waiting(rounds: int) -> Iterator[Line]:
     with tempfile.TemporaryDirectory() as empty:
         cold, warm = (command_seconds("run", "quick", "--jobs", "2", cache=empty) for _ in range(2))
     yield Line("compiling what `quick` needs [s on two processors]", [(cold - warm) / 2], 8, True)
-    ratios = []
-    for _ in range(min(rounds, 2)):  # each compiles everything again
-        with tempfile.TemporaryDirectory() as empty:
-            environment = {**os.environ, "NUMBA_CACHE_DIR": empty}
-            command = [sys.executable, "-c", FIRST_AND_SECOND]
-            done = subprocess.run(command, env=environment, stdout=subprocess.PIPE, check=True)
-        one, two = json.loads(done.stdout)
-        ratios.append(one / two)
-    yield Line("time of a first `cl.run` of ekf-local, nothing compiled / a second", ratios, 2, True)
+    with tempfile.TemporaryDirectory() as empty:
+        command, environment = [sys.executable, "-c", FIRST_AND_SECOND], {**os.environ, "NUMBA_CACHE_DIR": empty}
+        done = subprocess.run(command, env=environment, stdout=subprocess.PIPE, check=True)
+    one, two = json.loads(done.stdout)
+    yield Line("time of a first `cl.run` of ekf-local, nothing compiled / a second", [one / two], 2, True)
 
 
 def command_seconds(*arguments: str, cache: str = "") -> float:

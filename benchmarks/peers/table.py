@@ -9,7 +9,7 @@ import inspect
 import os
 import sys
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -25,7 +25,6 @@ PEERS = {
     "stone_soup.py": ("StoneSoupEkf", "StoneSoupParticles"),
     "gtsam_map.py": ("GtsamMap",),
     "jax_ekf.py": ("JaxEkf",),
-    "sklearn_regression.py": ("SklearnRegression",),
 }
 SMALL = {"robots-1-3/n=3": {"ticks": 30}, "camera/n=3": {"ticks": 30}}
 HEAD = """# Other people's filters as plug-ins
@@ -44,12 +43,7 @@ filterpy and GTSAM are in the lock; the other libraries are tried where they are
 """
 
 
-class Peer(NamedTuple):
-    """A plug-in, and what it was compared with."""
-
-    label: str
-    glue: int
-    apart: str
+Peer = tuple[str, str, str]  # label, lines of glue, how far apart
 
 
 def glue_lines(estimator: cl.PerRobot) -> int:
@@ -95,26 +89,25 @@ def peers() -> tuple[list[Peer], list[str]]:
             except cl.BadInput as e:
                 absent.append(str(e))
                 break
-            found.append(Peer(label, glue_lines(made), apart(made)))
+            found.append((label, str(glue_lines(made)), apart(made)))
     return found, absent
 
 
 def rows(found: list[Peer], data: Path | None) -> list[list[str]]:
     """A row of the table for each, from one run of all."""
     out = Path("build/peers")
-    labels = [OURS, *(one.label for one in found)]
+    labels = [OURS, *(label for label, _, _ in found)]
     study = HERE / ("peers.toml" if data else "peers-simulated.toml")
     table = cl.run_study(study, estimators=labels, data=data, out=out).table.set_index(["scenario", "estimator"])
     certificates = read_run(out).manifest["certificates"]
     worlds = list(dict.fromkeys(table.index.get_level_values(0)))
-    ours = Peer(OURS, 0, "")
     made = []
-    for one in (ours, *found):
-        certificate = certificates.get(one.label)
+    for label, glue, off in ((OURS, "", ""), *found):
+        certificate = certificates.get(label)
         checks = short_certificate(f"{certificate['status']}: {certificate['found']}") if certificate else "built in"
-        mine = [table.loc[(world, one.label)] for world in worlds]
+        mine = [table.loc[(world, label)] for world in worlds]
         numbers = [f"{row['rmse']:.3f}" for row in mine] + [f"{1e6 * row['seconds']:.0f}" for row in mine[:1]]
-        made.append([f"`{Path(one.label).name}`", str(one.glue or ""), one.apart, checks, *numbers])
+        made.append([f"`{Path(label).name}`", glue, off, checks, *numbers])
     return [["estimator", "glue", "apart", "checks", *(f"RMSE, {w.partition('[')[0]}" for w in worlds), "µs"], *made]
 
 

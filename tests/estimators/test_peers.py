@@ -21,7 +21,6 @@ SAME = (
 CLOSE = (
     *(f"{FILTERPY}:{name}" for name in ("Fading", "HInfinity", "Imm", "Mmae", "Ukf", "Ckf", "Enkf")),
     "gtsam_map.py:GtsamMap",
-    "sklearn_regression.py:SklearnRegression",
     "stone_soup.py:StoneSoupParticles",
 )
 WORLDS = ("robots-1-3/n=3", "camera/n=3")
