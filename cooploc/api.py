@@ -1,6 +1,7 @@
 """Whole studies from Python: run, plan, sweep and tune them; load, judge, report, compare and reproduce what they left.
 
 Each function does what the command of the same purpose does; the command line calls these and prints what they return.
+Of a run, a ledger or a name that cannot be read they raise `BadInput`: one line with fact, place and remedy.
 """
 
 import re
@@ -18,9 +19,8 @@ from cooploc.analysis.claims import ledger as ledgers
 from cooploc.analysis.claims import multiverse
 from cooploc.analysis.claims.verdicts import judge_at_look, judge_run, lasting, open_cells, verdict_sentence
 from cooploc.analysis.execution import reproduce as again
-from cooploc.analysis.execution.run import execute, prepare
+from cooploc.analysis.execution.run import Answers, execute, prepare, run_until_decided, trial_seconds
 from cooploc.analysis.execution.run_directory import StoredRun, read_run
-from cooploc.analysis.execution.until_decided import Answers, run_until_decided, trial_seconds
 from cooploc.analysis.metrics import run_tables
 from cooploc.analysis.metrics.compare import compare
 from cooploc.analysis.metrics.errors import errors
@@ -35,8 +35,7 @@ from cooploc.analysis.metrics.sequential import (
 from cooploc.analysis.metrics.statistics import Interval
 from cooploc.analysis.report import html_page, run_diff
 from cooploc.analysis.report.paper import DEFAULT, EXAMPLE, write
-from cooploc.analysis.tuning.tables import VALUE
-from cooploc.analysis.tuning.tune import Tuned
+from cooploc.analysis.tuning.tune import VALUE, Tuned
 from cooploc.analysis.tuning.tune import tune as tune_study
 from cooploc.estimators import split_labels
 from cooploc.estimators.errors import BadInput
@@ -165,35 +164,22 @@ def run_until(
     Args:
         study: as of `run_study`.
         max_trials: trials at which what is still open ends.
-        ledger: the TOML file of the claims; without it, those of Latif & Parasuraman (2022).
         how: seed, estimators, jobs, scheduler, data, out, check, retry_failed, isolate, strict: as of `run_study`.
 
-    Raises:
-        BadInput: the study cannot be run as it stands; nothing was computed.
-        OSError: a file could not be written; what was finished is kept.
-
     """
-    begin = partial(run_until_decided, ask=[_OpenClaims(_ledger_of(ledger))])
-    return _execute(begin, study, max_trials, decided=True, **how)
+    claims, found = _ledger_of(ledger), None
 
-
-class _OpenClaims:
-    """Asks at every look which claims of a ledger are decided."""
-
-    COLUMNS = ("claim", "variant", "scenario", "of", "than", "verdict", "look")
-
-    def __init__(self, ledger: ledgers.Ledger) -> None:
-        self._ledger = ledger
-        self._found: pd.DataFrame | None = None
-
-    def __call__(self, rows: pd.DataFrame, n: int) -> Answers:
-        """Judge by the trials below n."""
-        self._found = found = judge_at_look(self._ledger, rows, n, self._found)
-        judged = lasting(self._ledger, found)
+    def ask(rows: pd.DataFrame, n: int) -> Answers:
+        """Judge the claims by the trials below n."""
+        nonlocal found
+        found = judge_at_look(claims, rows, n, found)
+        judged = lasting(claims, found)
         still = int((judged["verdict"] == "undecided").sum())
-        cells = frozenset(open_cells(self._ledger, rows, found))
-        records = [dict(row) for _, row in judged[list(self.COLUMNS)].fillna("").iterrows()]
-        return Answers("claim", cells, len(judged) - still, still, records)
+        records = judged[["claim", "variant", "scenario", "of", "than", "verdict", "look"]].fillna("")
+        cells = frozenset(open_cells(claims, rows, found))
+        return Answers("claim", cells, len(judged) - still, still, [dict(row) for _, row in records.iterrows()])
+
+    return _execute(partial(run_until_decided, ask=[ask]), study, max_trials, decided=True, **how)
 
 
 def _execute(
@@ -210,7 +196,7 @@ def _execute(
     strict: bool = False,
     **options: Any,
 ) -> Results:
-    """Run a study by `begin`, which returns its rows, and keep table and picture; `decided`: by looks, on the disk."""
+    """Run a study by `begin`, which returns its rows; keep table and picture."""
     asked, folder = _read_study(study, trials, seed, estimators, out)
     with TerminalProgress() as progress:
         where = None if data is None else Path(data)
@@ -266,20 +252,14 @@ def plan(study: str | Path, *, difference: float = 0.1, **how: Unpack[RunOptions
         raise BadInput(f"difference is {difference}; it must lie above 0, such as 0.1 for 10 %")
     pilot = run_study(study, trials=PILOT, **how)
     cost, distance = trial_seconds(pilot.rows), float(np.log1p(difference))
+    what = ["scenario", "estimator", "baseline", "change"]
     found = []
     for row in pilot.table[pilot.table["estimator"] != pilot.table["baseline"]].to_dict("records"):
         log = Interval(*np.log1p([row["change"], row["change_low"], row["change_high"]]))
-        found.append(
-            {
-                **{key: row[key] for key in ("scenario", "estimator", "baseline", "change")},
-                "trials": trials_to_exclude(log, row["pairs"], distance),
-                "until_decided": trials_until_decided(log, row["pairs"], distance),
-                "seconds": cost[row["scenario"], row["estimator"]],
-                "baseline_seconds": cost[row["scenario"], row["baseline"]],
-            }
-        )
-    columns = ["scenario", "estimator", "baseline", "change", "trials", "until_decided", "seconds", "baseline_seconds"]
-    return pd.DataFrame(found, columns=columns)
+        needed = [f(log, row["pairs"], distance) for f in (trials_to_exclude, trials_until_decided)]
+        seconds = [cost[row["scenario"], row[name]] for name in ("estimator", "baseline")]
+        found.append([*(row[key] for key in what), *needed, *seconds])
+    return pd.DataFrame(found, columns=[*what, "trials", "until_decided", "seconds", "baseline_seconds"])
 
 
 def sweep(
@@ -364,17 +344,12 @@ def tune(
     states. The streams of the search come from another seed than those of the comparison.
 
     Args:
-        study: a shipped study (`cl.studies()`), or the path of a study's TOML file.
+        study: as of `run_study`, as are `estimators`, `jobs`, `data`, `check` and `isolate`.
         budget: training trials that each estimator may use; one trial of every scenario is the least.
-        estimators: names to tune instead of the study's, as a list or separated by commas.
         trials: fresh trials of each scenario in the comparison; the study's where not given.
         seed: the random seed of the comparison, from which that of the search is derived.
         objective: "nll", mean negative log-likelihood of the true position, with a robust cap; or "rmse".
-        jobs: processes; the result is bit-identical for any number.
-        data: the directory of recordings, for scenarios that need one.
         out: the directory; `runs/STUDY-seedN-tuned` where not given. The same call goes on with what it holds.
-        check: whether estimators that are not built in are checked before they are compared.
-        isolate: False keeps everything in this process, for a debugger.
 
     Raises:
         BadInput: the study cannot be tuned as it stands; nothing was computed.
@@ -411,49 +386,27 @@ def _draw_tuning(folder: Path, history: pd.DataFrame) -> None:
 
 
 def load_run(folder: str | Path) -> Results:
-    """Load everything that a run directory holds.
-
-    Raises:
-        BadInput: it is not a run directory, or holds no results.
-
-    """
+    """Load everything that a run directory holds."""
     stored = read_run(Path(folder))
     return Results(stored.folder, stored.rows, *_compare(stored.rows, stored.baselines, stored.comparisons))
 
 
 def show(run: AnyRun) -> None:
-    """Print what a run holds, what is missing, and what failed and why.
-
-    Raises:
-        BadInput: it is not a run directory.
-
-    """
+    """Print what a run holds, what is missing, and what failed and why."""
     tables.show_run(_folder(run))
 
 
 def report(run: AnyRun, out: str | Path | None = None, ledger: AnyLedger = None) -> Path:
-    """Write a run's report, a page for the browser and its tables for LaTeX, Markdown and CSV; returns the page's path.
+    """Write a run's report, a page for the browser and its tables for LaTeX, Markdown and CSV; return the page's path.
 
-    Args:
-        run: from `run_study` or `load_run`, or a run directory.
-        out: the report's directory; `report` in the run directory where not given.
-        ledger: the TOML file of the claims; without it, those of Latif & Parasuraman (2022).
-
-    Raises:
-        BadInput: the run or the ledger cannot be read.
-
+    It is in `out`, or in `report` in the run directory.
     """
     stored = stored_run(run)
     return html_page.write(stored, _ledger_of(ledger), stored.folder / "report" if out is None else Path(out))
 
 
 def compare_runs(before: AnyRun, after: AnyRun) -> RunChanges:
-    """Compare two runs, trial by trial where their streams are the same.
-
-    Raises:
-        BadInput: one of the two is not a run.
-
-    """
+    """Compare two runs, trial by trial where their streams are the same."""
     a, b = stored_run(before), stored_run(after)
     table = run_diff.changes(a, b)
     return RunChanges(table, run_diff.settings(a, b), run_diff.sentences(table))
@@ -485,14 +438,6 @@ def verdicts(run: AnyRun | pd.DataFrame, ledger: AnyLedger = None) -> pd.DataFra
     `cooploc.analysis.claims.verdicts.COLUMNS` says what the columns mean; `map` says in how many readings of the paper
     the claim holds, where more than one was run; `sentence` is each row in words. Of a run until decided, verdicts are
     those of its confidence sequences, and `look` says after how many trials each was reached; else it is 0.
-
-    Args:
-        run: from `run_study` or `load_run`, a run directory, or rows of `errors`.
-        ledger: the TOML file of the claims; without it, those of Latif & Parasuraman (2022).
-
-    Raises:
-        BadInput: the run or the ledger cannot be read, or estimators of one scenario ran on different streams.
-
     """
     return verdicts_and_readings(run, ledger)[0]
 
@@ -502,14 +447,6 @@ def readings(run: AnyRun | pd.DataFrame, ledger: AnyLedger = None) -> pd.DataFra
 
     `cooploc.analysis.claims.multiverse.judge` says what the columns mean, and `shares` counts the rows by claim;
     `cl.plot.readings` and `cl.plot.specification_curve` draw them. The study `readings` runs all readings.
-
-    Args:
-        run: from `run_study` or `load_run`, a run directory, or rows of `errors`.
-        ledger: the TOML file of the claims; without it, those of Latif & Parasuraman (2022).
-
-    Raises:
-        BadInput: the run or the ledger cannot be read, or estimators of one scenario ran on different streams.
-
     """
     return multiverse.judge(_ledger_of(ledger), _rows_of(run), ANYTIME if _looks(run) else FIXED)
 
@@ -527,13 +464,6 @@ def information(run: AnyRun) -> pd.DataFrame:
 
     `cooploc.analysis.metrics.run_tables.information` says what the columns mean; `cl.plot.information` draws them. The
     study `information` runs all cells. The floors of ten robots take a minute or two.
-
-    Args:
-        run: from `run_study` or `load_run`, or a run directory.
-
-    Raises:
-        BadInput: the run cannot be read, or no estimator has a cell.
-
     """
     stored = stored_run(run)
     return run_tables.information(stored.rows, stored.manifest["seed"])
@@ -546,11 +476,7 @@ def sensitivity(run: AnyRun, baseline: str = "arl") -> pd.DataFrame:
     study `sensitivity` is such a run. Its floors take a few minutes.
 
     Args:
-        run: from `run_study` or `load_run`, or a run directory.
         baseline: the estimator that others are compared with.
-
-    Raises:
-        BadInput: the run cannot be read, sweeps nothing, or lacks the baseline.
 
     """
     stored = stored_run(run)
@@ -571,15 +497,10 @@ def paper(
     middle and the last of each experiment.
 
     Args:
-        run: from `run_study` or `load_run`, or a run directory.
         out: the directory; `paper` in the run directory where not given.
         columns: of the tables, by the names that the report's CSV tables have, as a list or separated by commas; one
             with an interval brings it along.
         scenarios: write figures and tables of these alone, and draw each.
-
-    Raises:
-        BadInput: the run cannot be read, a column or a scenario is unknown, or the columns do not fit a page.
-        OSError: a file cannot be written.
 
     """
     stored = stored_run(run)
@@ -590,7 +511,6 @@ def paper(
 
 
 def _rows_of(run: Any) -> pd.DataFrame:
-    """Return the rows of a run."""
     return run if isinstance(run, pd.DataFrame) else run.rows if isinstance(run, Results) else stored_run(run).rows
 
 
@@ -605,14 +525,10 @@ def stored_run(run: Any) -> StoredRun:
 
 
 def _folder(run: Any) -> Path:
-    """Return the directory of a study's run."""
-    if isinstance(run, Results):
-        return run.folder
-    if isinstance(run, str | Path):
-        return Path(run)
+    if isinstance(run, Results | str | Path):
+        return run.folder if isinstance(run, Results) else Path(run)
     raise BadInput(f"{type(run).__name__} is not a run of a study: give what cl.run_study returned, or its directory")
 
 
 def _ledger_of(ledger: Any) -> ledgers.Ledger:
-    """Return the ledger itself, of a file, or that of Latif & Parasuraman."""
     return ledger if isinstance(ledger, ledgers.Ledger) else ledgers.load(ledger)

@@ -4,13 +4,13 @@ Every command imports what it needs when it runs, so that `cooploc --help` is qu
 """
 
 import os
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 import cooploc as cl
+from cooploc import terminal
 
 app = typer.Typer(
     name="cooploc",
@@ -63,13 +63,12 @@ def list_(
         typer.echo(table())
         return
     from cooploc.estimators.errors import nearest
-    from cooploc.terminal import tables
 
     plural = {"estimator": "estimators", "scenario": "scenarios", "study": "studies"}.get(kind or "", kind)
     if plural not in (None, *KINDS):
         raise cl.BadInput(f"there is no list of {kind!r}; {nearest(kind or '', list(KINDS))}")
     for one in [plural] if plural else KINDS:
-        tables.show_list(one, getattr(cl, one)())
+        terminal.tables.show_list(one, getattr(cl, one)())
 
 
 @app.command()
@@ -90,42 +89,24 @@ def run(
     wide: Annotated[bool, typer.Option("--wide", help="print every column, and what each means")] = False,
     sort: Annotated[str, typer.Option(help="column of table.csv by which rows are printed, or study")] = "rmse",
     until_decided: Annotated[
-        bool,
-        typer.Option("--until-decided", help="stop what is decided after 10, 20, 40, ... trials; go on with the rest"),
+        bool, typer.Option("--until-decided", help="stop what is decided after 10, 20, ... trials")
     ] = False,
     max_trials: Annotated[int | None, typer.Option(help="trials at which --until-decided ends [default: 1000]")] = None,
 ) -> None:
     """Run a study, print its table, keep results and picture."""
-    from cooploc.terminal import tables
-
     if until_decided and trials is not None:
         raise cl.BadInput("--trials is for a fixed number: with --until-decided, give --max-trials")
     if not until_decided and max_trials is not None:
         raise cl.BadInput("--max-trials is given without --until-decided: add it, or give --trials")
-    how: dict[str, Any] = {
-        "seed": seed,
-        "estimators": estimators,
-        "jobs": jobs,
-        "scheduler": scheduler,
-        "data": data,
-        "out": out,
-    }
-    how |= {"check": check, "retry_failed": retry_failed, "isolate": isolate}
-    how["strict"] = strict
+    how: dict[str, Any] = {"seed": seed, "estimators": estimators, "jobs": jobs, "scheduler": scheduler, "data": data}
+    how |= {"out": out, "check": check, "retry_failed": retry_failed, "isolate": isolate, "strict": strict}
     if until_decided:
         results = cl.run_until(study, max_trials=1000 if max_trials is None else max_trials, **how)
     else:
         results = cl.run_study(study, trials=trials, **how)
-    tables.show_results(results.table, results.rows, results.folder, as_json, wide, sort)
+    terminal.tables.show_results(results.table, results.rows, results.folder, as_json, wide, sort)
     if len(results.failures):
         raise typer.Exit(1)
-
-
-class Objective(StrEnum):
-    """What tuning makes small."""
-
-    nll = "nll"
-    rmse = "rmse"
 
 
 @app.command()
@@ -135,36 +116,18 @@ def tune(
     estimators: Estimators = None,
     trials: Annotated[int | None, typer.Option(help="fresh trials per scenario, to compare on")] = None,
     seed: Annotated[int | None, typer.Option(help="random seed; that of training is derived from it")] = None,
-    objective: Annotated[
-        Objective, typer.Option(help="nll: log-likelihood of the true position, robust and proper; or rmse")
-    ] = Objective.nll,
+    objective: Annotated[str, typer.Option(help="nll: log-likelihood of the true position, or rmse")] = "nll",
     jobs: Jobs = 1,
     data: Recordings = None,
     out: Annotated[Path | None, typer.Option(help="directory [default: runs/STUDY-seedN-tuned]")] = None,
     check: Annotated[bool, typer.Option(help="check estimators that are not built in before they are compared")] = True,
     isolate: Isolate = True,
 ) -> None:
-    """Tune all estimators with one budget, and compare them.
-
-    As published and tuned, on streams that were not tuned on.
-    """
-    from cooploc.terminal import tables
-
-    found = cl.tune(
-        study,
-        budget,
-        estimators=estimators,
-        trials=trials,
-        seed=seed,
-        objective=objective.value,
-        jobs=jobs,
-        data=data,
-        out=out,
-        check=check,
-        isolate=isolate,
-    )
+    """Tune all estimators with one budget, and compare them on other streams."""
+    how: dict[str, Any] = {"estimators": estimators, "trials": trials, "seed": seed, "jobs": jobs, "data": data}
+    found = cl.tune(study, budget, objective=objective, out=out, check=check, isolate=isolate, **how)
     orders = {"RMSE": found.order("rmse"), "NLL": found.order("nll")}
-    tables.show_tuning(found.history, found.table, orders, found.record)
+    terminal.tables.show_tuning(found.history, found.table, orders, found.record)
     typer.echo(f"tables and figures: {found.folder}\nstudy: {found.study}\nnext: cooploc run {found.study}")
     if found.rows["failure"].notna().any():
         raise typer.Exit(1)
@@ -182,14 +145,12 @@ def inspect(
 
     Says what is in it and what is odd about it, sketches it, and writes a log.toml that runs.
     """
-    from cooploc.terminal import tables
-
     found = cl.inspect(path, run, again=force)
     if strict:
         from cooploc.analysis.execution.run import require_whole
 
         require_whole(found.inspected.log.warnings)
-    tables.show_inspection(found, found.write(out, force))
+    terminal.tables.show_inspection(found, found.write(out, force))
 
 
 @app.command()
@@ -203,23 +164,9 @@ def plan(
     out: Out = None,
     isolate: Isolate = True,
 ) -> None:
-    """Say how many trials each comparison needs, and how long.
-
-    From a pilot of ten trials, at 80 % power.
-    """
-    from cooploc.terminal import tables
-
-    found = cl.plan(
-        study,
-        difference=difference,
-        seed=seed,
-        estimators=estimators,
-        jobs=jobs,
-        data=data,
-        out=out,
-        isolate=isolate,
-    )
-    tables.show_plan(found, difference, jobs)
+    """Say how many trials each comparison needs at 80 % power, and how long they take."""
+    how: dict[str, Any] = {"seed": seed, "estimators": estimators, "jobs": jobs, "data": data, "out": out}
+    terminal.tables.show_plan(cl.plan(study, difference=difference, isolate=isolate, **how), difference, jobs)
 
 
 @app.command()
@@ -232,17 +179,13 @@ def show(folder: RunDirectory) -> None:
 def check(
     estimator: Annotated[str, typer.Argument(help="an estimator's name, or path.py:Name")],
     seed: Annotated[int, typer.Option(help="random seed of the streams it is tried on")] = 0,
-    time_limit: Annotated[
-        float, typer.Option(help="seconds of processor time for all checks of one that is not built in")
-    ] = 600.0,
+    time_limit: Annotated[float, typer.Option(help="seconds of all checks of what is not built in")] = 600.0,
     only: Annotated[str | None, typer.Option(help="the name of the one check to run, such as causality")] = None,
     isolate: Isolate = True,
 ) -> None:
     """Check that an estimator cannot cheat and keeps the rules."""
-    from cooploc.terminal import tables
-
     result = cl.check_estimator(estimator, seed=seed, isolate=isolate, time_limit=time_limit, only=only)
-    tables.show_checks(result)
+    terminal.tables.show_checks(result)
     if result.count("failed") or not (only or result.ran):
         raise typer.Exit(1)
 
@@ -258,25 +201,18 @@ def judge(
     offline: Annotated[bool, typer.Option("--offline", help="they saw later readings, as smoothers do")] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Judge trajectories computed elsewhere, from TUM files.
-
-    With the truth of a stream.
-    """
+    """Judge trajectories computed elsewhere, from TUM files, with the truth of a stream."""
     from cooploc.analysis.metrics.external import evaluate_external
-    from cooploc.terminal import tables
 
     rows, table = evaluate_external(stream, tum, estimators, offline, trials=trials, seed=seed, data=data)
-    tables.table(table, rows, as_json)
+    terminal.tables.table(table, rows, as_json)
 
 
 @app.command()
 def new_estimator(
     name: Annotated[str, typer.Argument(help="small letters, digits and hyphens, such as my-filter")],
 ) -> None:
-    """Write a small package with an estimator that runs.
-
-    It has its test, and what registers it.
-    """
+    """Write a small package with an estimator that runs, its test, and what registers it."""
     for file in cl.new_estimator(name):
         typer.echo(file)
     typer.echo(f"next: pip install -e {name} && cooploc run quick --estimators mrsl-rssi,{name}")
@@ -285,59 +221,42 @@ def new_estimator(
 @app.command()
 def report(
     folder: RunDirectory,
-    out: Annotated[
-        Path | None, typer.Option("-o", "--out", help="directory [default: RUN/report, or RUN/paper with --paper]")
-    ] = None,
+    out: Annotated[Path | None, typer.Option("-o", "--out", help="directory [default: in the run directory]")] = None,
     ledger: Claims = None,
-    paper: Annotated[
-        bool, typer.Option("--paper", help="instead of the page: figures (PDF, SVG), LaTeX tables and .bib for a paper")
-    ] = False,
-    columns: Annotated[
-        str | None, typer.Option(help="of the paper's tables, such as rmse,change,anees,bytes (which is the default)")
-    ] = None,
-    scenarios: Annotated[
-        str | None, typer.Option(help="comma-separated: the paper's figures and tables of these alone")
-    ] = None,
+    paper: Annotated[bool, typer.Option("--paper", help="figures, LaTeX tables and .bib, instead of the page")] = False,
+    columns: Annotated[str | None, typer.Option(help="of the paper's tables, such as rmse,change,anees,bytes")] = None,
+    scenarios: Annotated[str | None, typer.Option(help="comma-separated: the paper has these alone")] = None,
 ) -> None:
     """Write a run's report for the browser, or for a paper.
 
     An HTML page that needs no network, and its tables as LaTeX, Markdown and CSV; with --paper, figures and tables that
     fit its columns.
     """
-    from cooploc.terminal import tables
-
     if not (paper or columns or scenarios):
-        tables.show_report(cl.report(folder, out, ledger))
+        terminal.tables.show_report(cl.report(folder, out, ledger))
         return
     given = {"columns": columns, "scenarios": scenarios}
-    tables.show_paper(cl.paper(folder, out, **{name: value for name, value in given.items() if value is not None}))
+    terminal.tables.show_paper(
+        cl.paper(folder, out, **{name: value for name, value in given.items() if value is not None})
+    )
 
 
 @app.command()
 def verdicts(folder: RunDirectory, ledger: Claims = None) -> None:
-    """Print which of a paper's claims a run supports.
-
-    Or contradicts, or leaves open; and in how many readings of the paper.
-    """
+    """Print which of a paper's claims a run supports, contradicts or leaves open."""
     from cooploc import api
     from cooploc.analysis.claims.ledger import load
-    from cooploc.terminal import tables
 
     found, mapped = api.verdicts_and_readings(folder, ledger)
-    tables.show_verdicts(found, load(ledger))
-    tables.show_interpretations(mapped)
+    terminal.tables.show_verdicts(found, load(ledger))
+    terminal.tables.show_interpretations(mapped)
 
 
 @app.command()
 def compare(before: RunDirectory, after: Annotated[Path, typer.Argument(help="another run directory")]) -> None:
-    """Say what changed from one run to another.
-
-    Trial by trial where their streams are the same.
-    """
-    from cooploc.terminal import tables
-
+    """Say what changed from one run to another, trial by trial where their streams are the same."""
     found = cl.compare_runs(before, after)
-    tables.show_changes(f"from {before} to {after}", found.settings, found.table, found.sentences)
+    terminal.tables.show_changes(f"from {before} to {after}", found.settings, found.table, found.sentences)
 
 
 @app.command()
@@ -351,9 +270,7 @@ def reproduce(
 
     Exit code 0 where all are bit-equal, 1 where any differs.
     """
-    from cooploc.terminal import tables
-
     found = cl.reproduce(page, trials, data, trust)
-    tables.show_reproduced(found.table, found.differences)
+    terminal.tables.show_reproduced(found.table, found.differences)
     if not found.equal:
         raise typer.Exit(1)

@@ -24,16 +24,7 @@ from cooploc.scenarios.conformance import check_estimator
 def check_plugins(
     manifest: dict[str, Any], write: Callable[[], None], check: bool, isolate: bool, say: Callable[[str], None]
 ) -> None:
-    """Check the plug-in estimators of a run that were not checked in their present version.
-
-    Args:
-        manifest: of the run; gets the certificates.
-        write: called after each, to keep it.
-        check: False only says that they are unchecked.
-        isolate: whether they are checked in a process of their own.
-        say: called with what is found.
-
-    """
+    """Check the plug-in estimators of a run that were not checked in their present version."""
     held = manifest["certificates"]
     for label in dict.fromkeys(label for cell in manifest["cells"].values() for label in cell["estimators"]):
         name = configure(label).name

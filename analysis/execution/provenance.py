@@ -5,6 +5,7 @@ import platform
 import re
 import subprocess
 from collections.abc import Iterable
+from contextlib import suppress
 from functools import cache
 from importlib import import_module
 from importlib.metadata import version
@@ -40,10 +41,7 @@ def provenance() -> dict[str, Any]:
 
 @cache
 def bits() -> dict[str, Any]:
-    """Return the versions, a hash of the source and the processor's instructions: equal where results are put together.
-
-    Read once: a process computes with what it imported first.
-    """
+    """Return the versions, a hash of the source and the instructions: equal where results are put together."""
     versions = {name: version(name) for name in PACKAGES}
     return {
         "versions": {**versions, "python": platform.python_version()},
@@ -54,9 +52,8 @@ def bits() -> dict[str, Any]:
 
 def version_changes(one: dict[str, Any], other: dict[str, Any]) -> list[tuple[str, Any, Any]]:
     """Return the packages whose versions differ between two manifests, with both versions."""
-    both = one["versions"], other["versions"]
-    versions = [(name, *(known.get(name) for known in both)) for name in sorted({*both[0], *both[1]})]
-    return [(name, before, after) for name, before, after in versions if before != after]
+    a, b = one["versions"], other["versions"]
+    return [(name, a.get(name), b.get(name)) for name in sorted({*a, *b}) if a.get(name) != b.get(name)]
 
 
 def fingerprint(folder: Path) -> str:
@@ -65,10 +62,7 @@ def fingerprint(folder: Path) -> str:
 
 
 def files(estimators: Iterable[ConfiguredEstimator], scenarios: Iterable[ResolvedScenario] = ()) -> dict[str, str]:
-    """Return a hash of the source of each plug-in: its file with its helpers, or the files of its package.
-
-    With the artifacts that its classes name. What these import from elsewhere is not hashed; `imports` has versions.
-    """
+    """Return a hash of the source of each plug-in with its artifacts: its file with its helpers, or its package."""
     found = {}
     for name, sources in _sources(estimators, scenarios).items():
         both = [*sources, *artifacts_of(path for _, path in sources if path.suffix == ".py")]
@@ -127,11 +121,9 @@ def _hash(files: Iterable[tuple[str, Path]]) -> str:
 
 def _commit() -> str | None:
     ask = ["git", "rev-parse", "HEAD"]
-    try:
-        answer = subprocess.run(ask, cwd=ROOT, capture_output=True, text=True, timeout=60, check=True)
-    except (OSError, subprocess.SubprocessError):
-        return None
-    return answer.stdout.strip()
+    with suppress(OSError, subprocess.SubprocessError):
+        return subprocess.run(ask, cwd=ROOT, capture_output=True, text=True, timeout=60, check=True).stdout.strip()
+    return None
 
 
 def instructions() -> dict[str, str]:
@@ -144,12 +136,13 @@ def instructions() -> dict[str, str]:
     config: Any = import_module("numba.core.config")  # its values come from the environment
     compiler = config.CPU_NAME or binding.get_host_cpu_name()
     features = config.CPU_FEATURES or binding.get_host_cpu_features().flatten()
+    used = hashlib.sha256(features.encode()).hexdigest()[:16]
     loaded = [one for one in threadpool_info() if one["user_api"] == "blas" and _is_ours(Path(one["filepath"]))]
     blas = {f"{one['internal_api']} {one.get('architecture')}" for one in loaded}
     return {
         "machine": platform.machine(),
         "numpy": " ".join(sorted(name for name, there in __cpu_features__.items() if there)),
-        "numba": f"{compiler}, optimisation {config.OPT}, features {_short_hash(features)}",
+        "numba": f"{compiler}, optimisation {config.OPT}, features {used}",
         "blas": ", ".join(sorted(blas)),
         "jit": "off" if config.DISABLE_JIT else "on",
     }
@@ -163,13 +156,8 @@ def _is_ours(library: Path) -> bool:
 
 
 def _cpu() -> str:
-    try:
+    with suppress(OSError):
         text = Path("/proc/cpuinfo").read_text(encoding="utf-8")
-        found = re.search(r"^model name\s*:\s*(.+)$", text, re.MULTILINE)
-    except OSError:
-        found = None
-    return found[1] if found else platform.processor() or platform.machine()
-
-
-def _short_hash(text: str) -> str:
-    return hashlib.sha256(text.encode()).hexdigest()[:16]
+        if found := re.search(r"^model name\s*:\s*(.+)$", text, re.MULTILINE):
+            return found[1]
+    return platform.processor() or platform.machine()

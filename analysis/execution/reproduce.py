@@ -2,6 +2,7 @@
 
 import hashlib
 import re
+from collections import Counter
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -49,12 +50,7 @@ def sample(run: StoredRun) -> list[dict[str, Any]]:
 
 
 def load(path: Path) -> dict[str, Any]:
-    """Return what a report embeds, or a run would embed in its report: `manifest` and `sample`.
-
-    Raises:
-        BadInput: it is neither a report nor a run of cooploc, or was made by a newer version.
-
-    """
+    """Return what a report embeds, or a run would embed in its report: `manifest` and `sample`."""
     if (path / PARTS).is_dir():
         return embed(read_run(path))
     file = path / PAGE if path.is_dir() else path
@@ -76,15 +72,11 @@ def embed(run: StoredRun) -> dict[str, Any]:
 
 
 def rerun(embedded: dict[str, Any], trials: int, data: Path | None = None, trust: bool = False) -> list[RerunTrial]:
-    """Run `trials` of the embedded trials again, spread over the scenarios, each with all of its estimators.
-
-    Raises:
-        BadInput: none can be run: scenarios or estimators are not known here, recordings are missing, or a Python file
-            would run without `trust`.
-
-    """
+    """Run `trials` of the embedded trials again, spread over the scenarios, each with all of its estimators."""
     drawn = _draw(embedded["sample"], trials)
-    files = _python_files(drawn)
+    named = [parse(one["estimator"])[0] for wanted in drawn.values() for one in wanted]
+    named += [split_family(parse(scenario)[0])[0] for scenario, _ in drawn]
+    files = list(dict.fromkeys(name.rpartition(":")[0] for name in named if is_file(name)))
     if files and not trust:
         raise BadInput(
             f"this would run code that the report names, in {' and '.join(files)}: read it, then repeat with --trust"
@@ -99,13 +91,6 @@ def rerun(embedded: dict[str, Any], trials: int, data: Path | None = None, trust
         parts = {part.key.estimator: part.frame for part in measure(task)}
         out += [_compare(one, parts[one["estimator"]]) for one in wanted]
     return out
-
-
-def _python_files(drawn: dict[tuple[str, int], list[dict[str, Any]]]) -> list[str]:
-    """Return the Python files that scenarios and estimators name."""
-    scenarios = [split_family(parse(scenario)[0])[0] for scenario, _ in drawn]
-    estimators = [parse(one["estimator"])[0] for wanted in drawn.values() for one in wanted]
-    return list(dict.fromkeys(name.rpartition(":")[0] for name in (*scenarios, *estimators) if is_file(name)))
 
 
 def differences(embedded: dict[str, Any]) -> list[str]:
@@ -124,10 +109,9 @@ def _draw(embedded: list[dict[str, Any]], trials: int) -> dict[tuple[str, int], 
     groups: dict[tuple[str, int], list[dict[str, Any]]] = {}
     for one in embedded:
         groups.setdefault((one["scenario"], one["trial"]), []).append(one)
-    turn: dict[str, int] = {}
-    ordered = []
+    turn, ordered = Counter[str](), []
     for key in groups:
-        turn[key[0]] = turn.get(key[0], 0) + 1
+        turn[key[0]] += 1
         ordered.append((turn[key[0]], hashlib.sha256(repr(key).encode()).digest(), key))
     return {key: groups[key] for _, _, key in sorted(ordered)[:trials]}
 
@@ -136,15 +120,13 @@ def _compare(one: dict[str, Any], frame: pd.DataFrame) -> RerunTrial:
     now = _fingerprint(frame)
     before, after = (float("nan") if it["rmse"] is None else float(it["rmse"]) for it in (one, now))
     equal = one["digest"] == now["digest"] and one["stream"] == now["stream"] and one["failure"] == now["failure"]
-    moved = f"RMSE differs by {after - before:+.3g} m"
     if equal:
         remark = "failed in the same way" if one["failure"] else "bit-equal"
     elif one["failure"] != now["failure"]:
         remark = f"failure then: {one['failure'] or 'none'}; now: {now['failure'] or 'none'}"
-    elif one["stream"] != now["stream"]:
-        remark = f"another stream; {moved}"
     else:
-        remark = f"same stream; {moved}" if after != before else "differs, RMSE does not"
+        stream = "same" if one["stream"] == now["stream"] else "another"
+        remark = f"{stream} stream; RMSE differs by {after - before:+.3g} m"
     return RerunTrial(one["scenario"], one["estimator"], one["trial"], equal, before, after, remark)
 
 
@@ -154,9 +136,7 @@ def _fingerprint(rows: pd.DataFrame) -> dict[str, Any]:
     bits = hashlib.sha256()
     for column in VALUES:
         bits.update(rows[column].to_numpy(float).astype("<f8").tobytes())
-    failure = rows["failure"].iloc[0] if "failure" in rows else None
-    mse = rows["mse"].to_numpy(float)
-    weight = rows["ticks"].to_numpy(float)
+    failure, mse, weight = rows["failure"].iloc[0], rows["mse"].to_numpy(float), rows["ticks"].to_numpy(float)
     rmse = float(np.sqrt((mse * weight).sum() / weight.sum())) if weight.sum() > 0 else None
     return {
         "stream": str(rows["stream"].iloc[0]),

@@ -1,6 +1,7 @@
 """Run a study into a run directory: what is there stays, what is missing or damaged is computed.
 
-`prepare` reads a study's labels, once, and refuses what cannot run; `execute` runs what it returns.
+`prepare` reads a study's labels, once, and refuses what cannot run; `execute` runs what it returns;
+`run_until_decided` does so look by look.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -14,9 +15,10 @@ import pandas as pd
 
 from cooploc.analysis.execution.certificates import add_certificates, check_plugins
 from cooploc.analysis.execution.provenance import files, fingerprint, imports, provenance
-from cooploc.analysis.execution.run_directory import FORMAT, PartKey, Receipt, RunDir
+from cooploc.analysis.execution.run_directory import DECISIONS, FORMAT, Cell, PartKey, Receipt, RunDir, write_json
 from cooploc.analysis.execution.workers import Compute, Task, make_workers
-from cooploc.analysis.formats import count_of
+from cooploc.analysis.formats import count_of, duration
+from cooploc.analysis.metrics.sequential import OPEN, decide, looks
 from cooploc.estimators import make, module_of
 from cooploc.estimators.errors import BadInput
 from cooploc.scenarios import BUILTIN as BUILTIN_SCENARIOS
@@ -138,12 +140,7 @@ def _first_tick(scenario: ResolvedScenario, seed: int) -> Stream:
 
 
 def require_whole(faults: Sequence[str]) -> None:
-    """Refuse a recording with faults.
-
-    Raises:
-        BadInput: there are some; names the first.
-
-    """
+    """Refuse a recording with faults."""
     if faults:
         others = f", and {count_of(len(faults) - 1, 'other fault')}" if len(faults) > 1 else ""
         raise BadInput(f"{faults[0]}{others}: mend the recording, or leave out --strict")
@@ -205,12 +202,8 @@ def make_manifest(asked: ResolvedStudy, isolate: bool) -> dict[str, Any]:
         "format": FORMAT,
         "study": asked.study.model_dump(mode="json"),
         "cells": {
-            cell.scenario.label: {
-                "experiment": cell.experiment,
-                "baseline": cell.baseline,
-                "estimators": dict(cell.trials),
-            }
-            for cell in asked.cells
+            c.scenario.label: {"experiment": c.experiment, "baseline": c.baseline, "estimators": dict(c.trials)}
+            for c in asked.cells
         },
         "seed": asked.study.seed,
         "data": None if asked.data is None else fingerprint(Path(asked.data)),
@@ -228,23 +221,11 @@ def make_manifest(asked: ResolvedStudy, isolate: bool) -> dict[str, Any]:
 def trials_of_cells(study: ResolvedStudy) -> dict[tuple[str, str], int]:
     """Return the trials of each (scenario, estimator), in the order of a run's rows."""
     ordered = [one.label for one in study.estimators]
-    return {
-        (cell.scenario.label, label): cell.trials[label]
-        for cell in study.cells
-        for label in ordered
-        if label in cell.trials
-    }
+    cells = [(cell.scenario.label, label, cell.trials) for cell in study.cells for label in ordered]
+    return {(scenario, label): trials[label] for scenario, label, trials in cells if label in trials}
 
 
 # What is missing, and its computation.
-
-
-class Plan(NamedTuple):
-    """The parts that a study has, and the tasks that compute the others."""
-
-    intact: dict[PartKey, Receipt]
-    damaged: list[PartKey]
-    tasks: list[Task]
 
 
 def complete(
@@ -256,14 +237,16 @@ def complete(
     isolate: bool = True,
 ) -> Iterator[tuple[PartKey, Receipt]]:
     """Yield all parts of a study: those that are there, then those that were missing, as they are written."""
-    plan = make_plan(asked, directory, retry_failed, isolate)
-    yield from plan.intact.items()
-    for key in plan.damaged:
+    intact, damaged = directory.find(trials_of_cells(asked))
+    again = [key for key, receipt in intact.items() if retry_failed and receipt.failed]
+    tasks = make_tasks(asked, intact, again, isolate)
+    yield from ((key, receipt) for key, receipt in intact.items() if key not in again)
+    for key in damaged:
         watcher.say(f"{key.name} is gone or does not match its checksum; its trials are computed again")
     trials = sum(trials_of_cells(asked).values())
-    watcher.begin(trials, trials - sum(len(task.trials) * len(task.estimators) for task in plan.tasks))
+    watcher.begin(trials, trials - sum(len(task.trials) * len(task.estimators) for task in tasks))
     experiments = {cell.scenario.label: cell.experiment for cell in asked.cells}
-    for part in compute(plan.tasks):
+    for part in compute(tasks):
         receipt = directory.write(part.key, part.frame, part.seconds)
         scenario, estimator, trials_done = part.key
         experiment = experiments[scenario]
@@ -272,35 +255,32 @@ def complete(
         yield part.key, receipt
 
 
-def make_plan(study: ResolvedStudy, directory: RunDir, retry_failed: bool = False, isolate: bool = True) -> Plan:
-    """Look at every part that a study needs; one that is missing, damaged or to be tried again becomes a task."""
-    found = directory.find(trials_of_cells(study))
-    again = {key for key, receipt in found.intact.items() if retry_failed and receipt.failed}
-    held: dict[tuple[str, str], list[range]] = {}
-    for key in found.intact:
-        held.setdefault((key.scenario, key.estimator), []).append(key.trials)
-    tasks: list[Task] = []
+def make_tasks(study: ResolvedStudy, held: Iterable[PartKey], again: Iterable[PartKey], isolate: bool) -> list[Task]:
+    """Return the tasks that compute the parts of a study that are not held, or are to run again."""
+    there: dict[Cell, list[range]] = {}
+    for key in held:
+        there.setdefault(key[:2], []).append(key.trials)
+    tasks = []
     for cell in study.cells:
         label, gaps = cell.scenario.label, dict[range, list[str]]()
         for name, wanted in cell.trials.items():
-            missing = _gaps(held.get((label, name), []), wanted, chunk_size(cell.scenario))
+            missing = _gaps(there.get((label, name), []), wanted, chunk_size(cell.scenario))
             for gap in (*missing, *(key.trials for key in again if key[:2] == (label, name))):
                 gaps.setdefault(gap, []).append(name)
         for gap in sorted(gaps, key=lambda trials: trials.start):
             lacking = tuple(one for one in cell.estimators if one.label in gaps[gap])
             tasks.append(Task(cell.scenario, gap, study.study.seed, lacking, study.study.time_limit, isolate))
-    return Plan({key: one for key, one in found.intact.items() if key not in again}, found.damaged, tasks)
+    return tasks
 
 
 def _gaps(held: Iterable[range], count: int, size: int) -> Iterator[range]:
     """Yield the trials below `count` that no part holds, in pieces of one chunk."""
-    missing = sorted(set(range(count)) - {trial for trials in held for trial in trials})
-    start = 0
-    for i, trial in enumerate(missing):
-        last = i + 1 == len(missing) or missing[i + 1] != trial + 1 or (trial + 1) % size == 0
-        if last:
-            yield range(missing[start], trial + 1)
-            start = i + 1
+    missing = set(range(count)).difference(*held)
+    first = 0
+    for trial in sorted(missing):
+        first = trial if trial - 1 not in missing or trial % size == 0 else first
+        if trial + 1 not in missing or (trial + 1) % size == 0:
+            yield range(first, trial + 1)
 
 
 def chunk_size(scenario: ResolvedScenario) -> int:
@@ -310,3 +290,74 @@ def chunk_size(scenario: ResolvedScenario) -> int:
     least, most = CHUNK_TRIALS
     fits = int(CHUNK_BYTES // (17 * scenario.ticks * scenario.robots**2))
     return max(1, min(fits, most, max(least, CHUNK_ROWS // scenario.robots)))
+
+
+# A run until its questions are decided.
+
+
+class Answers(NamedTuple):
+    """The answers of a look to one kind of question."""
+
+    of: str  # what is asked: comparison, claim
+    open: frozenset[Cell]  # cells whose further trials may decide what is open
+    decided: int
+    undecided: int
+    records: list[dict[str, Any]]  # for `decisions.json`
+
+
+Ask = Callable[[pd.DataFrame, int], Answers]  # rows of a run, and the trials of the look
+
+
+def run_until_decided(
+    study: ResolvedStudy, out: Path, ask: Sequence[Ask] = (), progress: RunProgress | None = None, **options: Any
+) -> pd.DataFrame:
+    """Run a study until its comparisons with baselines, and the questions of `ask`, are decided, or it has all trials.
+
+    After 10, 20, 40, ... trials, what is decided stops. A look depends on the trials below its number alone, never on
+    when they finished, so neither the number of processes nor an interruption changes what it decides.
+    """
+    most, watcher = study.study.trials, progress or Silent()
+    limits = {(cell.scenario.label, name): count for cell in study.cells for name, count in cell.trials.items()}
+    baselines = {cell.scenario.label: cell.baseline for cell in study.cells}
+    counts, going, rows = dict.fromkeys(limits, 0), set(limits), pd.DataFrame()
+    for n in looks(most):
+        counts |= {cell: min(n, limits[cell]) for cell in going}
+        rows = execute(study.limit_trials(counts), out, progress=watcher, **options)
+        below = {cell.scenario.label: min(n, cell.most) for cell in study.cells}
+        answers = [_compare(rows, baselines, below), *(question(rows, n) for question in ask)]
+        going = {cell for one in answers for cell in one.open if counts[cell] < limits[cell]}
+        records = {one.of: one.records for one in answers}
+        write_json(out / DECISIONS, {"most": most, "look": n, "going": sorted(going), **records})
+        watcher.say(_look_sentence(n, answers, seconds_left(rows, going, most) / options.get("jobs", 1)))
+        if not going:
+            break
+    return rows
+
+
+def _compare(rows: pd.DataFrame, baselines: dict[str, str], below: dict[str, int]) -> Answers:
+    """Compare every estimator with the baseline of its scenario, on the trials below a number."""
+    found = decide(rows, baselines, below)
+    going = [one for one in found if one.verdict == OPEN]
+    cells = frozenset((one.scenario, name) for one in going for name in (one.estimator, one.baseline))
+    return Answers("comparison", cells, len(found) - len(going), len(going), [one._asdict() for one in found])
+
+
+def trial_seconds(rows: pd.DataFrame) -> "pd.Series[float]":
+    """Return the computing time of a trial [s] on one process, by (scenario, estimator), without its stream."""
+    groups = (rows["seconds"] * rows["ticks"]).groupby([rows["scenario"], rows["estimator"]])
+    return groups.sum() / rows.groupby(["scenario", "estimator"])["trial"].nunique()
+
+
+def seconds_left(rows: pd.DataFrame, going: Iterable[Cell], most: int) -> float:
+    """Return the seconds of one process that open cells take at most, by the time of their trials so far."""
+    cost, there = trial_seconds(rows), rows.groupby(["scenario", "estimator"])["trial"].nunique()
+    return float(sum(cost[cell] * max(0, most - there[cell]) for cell in going if cell in there.index))
+
+
+def _look_sentence(n: int, answers: Sequence[Answers], left: float) -> str:
+    """Say what a look decided, and how long the rest takes at most."""
+    totals = [(one.decided, one.decided + one.undecided, one.of) for one in answers]
+    decided = ", ".join(f"{done} of {count_of(total, of)}" for done, total, of in totals if total)
+    still = sum(one.undecided for one in answers)
+    rest = f"; {still} open, at most about {duration(left)} of estimating more" if left > 0 else ""
+    return f"after {n} trials: decided {decided}{rest}"

@@ -12,6 +12,7 @@ import os
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from functools import partial
 from itertools import islice
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -55,12 +56,7 @@ Cell = tuple[str, str]  # labels of a scenario and an estimator
 
 
 def replace_file(path: Path, write: Callable[[Path], object]) -> None:
-    """Write a file that is whole or not there: under a temporary name, flushed to the disk, renamed.
-
-    Raises:
-        OSError: it cannot be done; with the file's name, which not every library gives.
-
-    """
+    """Write a file that is whole or not there: under a temporary name, flushed to the disk, renamed."""
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
         write(temporary)
@@ -80,12 +76,7 @@ def write_json(path: Path, content: Mapping[str, Any]) -> None:
 
 
 def parse_json(text: str | bytes, where: str) -> dict[str, Any]:
-    """Return the JSON object that `write_json` wrote; `where` names it in an error.
-
-    Raises:
-        BadInput: it is not what was written, or a newer version wrote it.
-
-    """
+    """Return the JSON object that `write_json` wrote; `where` names it in an error."""
     try:
         content = json.loads(text)
         newer = content["format"] > FORMAT
@@ -140,13 +131,6 @@ class Receipt(NamedTuple):
     failed: int = 0  # trials
 
 
-class FoundParts(NamedTuple):
-    """The parts of a directory that hold what is wanted."""
-
-    intact: dict[PartKey, Receipt]  # which together hold each trial at most once
-    damaged: list[PartKey]  # whose files are not what was written
-
-
 class RunDir:
     """A directory of results that can be continued."""
 
@@ -155,12 +139,7 @@ class RunDir:
 
     @property
     def manifest(self) -> dict[str, Any]:
-        """The manifest; empty where nothing was run into the directory yet.
-
-        Raises:
-            BadInput: the directory holds something else, a damaged manifest, or a newer format.
-
-        """
+        """The manifest; empty where nothing was run into the directory yet."""
         file = self.path / MANIFEST
         if not file.is_file():
             _refuse_foreign(self.path)
@@ -177,12 +156,7 @@ class RunDir:
 
     @contextmanager
     def lock(self) -> Iterator[None]:
-        """Keep other runs from writing here; the lock ends with its process, however that ends.
-
-        Raises:
-            BadInput: another process is writing here, or the directory holds something else.
-
-        """
+        """Keep other runs from writing here; the lock ends with its process, however that ends."""
         _refuse_foreign(self.path)  # before anything is written there
         self.path.mkdir(parents=True, exist_ok=True)
         try:
@@ -192,12 +166,7 @@ class RunDir:
             raise BadInput(f"another run is writing to {self.path}: wait for it, or name another with --out") from None
 
     def open(self, manifest: dict[str, Any]) -> None:
-        """Begin a run, or continue that of the same settings.
-
-        Raises:
-            BadInput: the directory holds a run of other settings.
-
-        """
+        """Begin a run, or continue that of the same settings."""
         for folder in (".", PARTS, RECEIPTS):
             for left in (self.path / folder).glob(".*.tmp"):  # of a process that was killed
                 left.unlink()
@@ -211,12 +180,7 @@ class RunDir:
         write_json(self.path / MANIFEST, {**manifest, "format": FORMAT})
 
     def write(self, key: PartKey, frame: pd.DataFrame, seconds: float) -> Receipt:
-        """Keep one part; it counts as done once it is there, and its receipt is there before it.
-
-        Raises:
-            OSError: it cannot be written: a full disk, no permission; names the file.
-
-        """
+        """Keep one part; it counts as done once it is there, and its receipt is there before it."""
         failed = int(frame.loc[frame["failure"].notna(), "trial"].nunique())
         receipts = []
 
@@ -229,40 +193,32 @@ class RunDir:
         replace_file(self._part_path(key), write)
         return receipts[0]
 
-    def find(self, wanted: Mapping[Cell, int]) -> FoundParts:
-        """Find the parts with trials below a number of each (scenario, estimator); compare them with their hashes."""
+    def find(self, wanted: Mapping[Cell, int]) -> tuple[dict[PartKey, Receipt], list[PartKey]]:
+        """Return the parts with trials below a number of each (scenario, estimator), each trial once.
+
+        And those whose files are not what was written.
+        """
         there: dict[str, list[range]] = {}
         for name in sorted(file.name for file in (self.path / PARTS).glob("*.parquet")):
             if match := PART_NAME.fullmatch(name):
                 there.setdefault(match[1], []).append(range(int(match[2]), int(match[3])))
-        found = FoundParts({}, [])
+        intact, damaged = dict[PartKey, Receipt](), list[PartKey]()
         for cell, count in wanted.items():
             reached = 0
             for trials in there.get(PartKey(*cell, range(0)).stem, ()):
                 if reached <= trials.start < count:
                     key = PartKey(*cell, trials)
                     if receipt := self._receipt(key):
-                        found.intact[key] = receipt
-                        reached = trials.stop
+                        intact[key], reached = receipt, trials.stop
                     else:
-                        found.damaged.append(key)
-        return found
+                        damaged.append(key)
+        return intact, damaged
 
     def read_rows(self, wanted: Mapping[Cell, int], intact: Mapping[PartKey, Receipt]) -> pd.DataFrame:
-        """Return the rows of intact parts, with their seconds, in the order of what is wanted: trials below a number.
-
-        Raises:
-            BadInput: parts do not have the same columns.
-
-        """
-        parts: dict[Cell, list[PartKey]] = {}
-        for key in sorted(intact, key=lambda one: one.trials.start):
-            parts.setdefault((key.scenario, key.estimator), []).append(key)
-        return _join(
-            self._table(key, intact[key].seconds, count)
-            for cell, count in wanted.items()
-            for key in parts.get(cell, ())
-        )
+        """Return the rows of intact parts, with their seconds, in the order of what is wanted."""
+        place = {cell: i for i, cell in enumerate(wanted)}
+        keys = sorted((key for key in intact if key[:2] in place), key=lambda k: (place[k[:2]], k.trials.start))
+        return _join(self._table(key, intact[key].seconds, wanted[key[:2]]) for key in keys)
 
     def _table(self, key: PartKey, seconds: float, below: int) -> pa.Table:
         with pq.ParquetFile(self._part_path(key)) as file:
@@ -296,11 +252,13 @@ def _join(parts: Iterable[pa.Table]) -> pd.DataFrame:
 
     They stay pyarrow's until they are all there: frames of twelve thousand parts take minutes, and twice the memory.
     """
-    joined, remaining = [], iter(parts)
-    try:
-        while some := list(islice(remaining, AT_ONCE)):  # a part's description takes more memory than its rows
-            joined.append(_concatenate(some).combine_chunks())
-        table = _concatenate(joined).unify_dictionaries()
+    remaining, concatenate = iter(parts), partial(pa.concat_tables, promote_options="permissive")
+    try:  # some at once, as a part's description takes more memory than its rows
+        joined = [
+            concatenate(some).replace_schema_metadata().combine_chunks()
+            for some in iter(lambda: list(islice(remaining, AT_ONCE)), [])
+        ]
+        table = concatenate(joined).unify_dictionaries()
     except pa.ArrowException as e:
         reason = " ".join(str(e).split())[:200]
         raise BadInput(f"parts do not fit together ({reason}): remove those of one estimator, and run it again") from e
@@ -308,17 +266,8 @@ def _join(parts: Iterable[pa.Table]) -> pd.DataFrame:
     return frame.astype({name: "str" for name, kind in frame.dtypes.items() if kind == "category"})
 
 
-def _concatenate(parts: list[pa.Table]) -> pa.Table:
-    return pa.concat_tables(parts, promote_options="permissive").replace_schema_metadata()
-
-
 def _refuse_foreign(folder: Path) -> None:
-    """Refuse a place that neither holds a run nor was about to.
-
-    Raises:
-        BadInput: it is something else.
-
-    """
+    """Refuse a place that neither holds a run nor was about to."""
     if (folder / MANIFEST).is_file() or not (folder.exists() or folder.is_symlink()):
         return
     begun = {".lock", PARTS, RECEIPTS}  # all that is there before the first manifest
@@ -331,19 +280,13 @@ def _refuse_foreign(folder: Path) -> None:
 
 
 def _continue_manifest(folder: Path, found: dict[str, Any], asked: dict[str, Any]) -> dict[str, Any]:
-    """Return the manifest of a run that goes on with what is asked now.
-
-    Raises:
-        BadInput: it has other settings.
-
-    """
+    """Return the manifest of a run that goes on with what is asked now."""
     asked = _finite(asked)  # as it was written
-    unlike = [said for key, said in MUST_MATCH.items() if found.get(key) != asked[key]]
+    unlike = [f"a run with {said}" for key, said in MUST_MATCH.items() if found.get(key) != asked[key]]
     for key, said in MUST_AGREE.items():
         unlike += [said.format(name) for name, one in asked[key].items() if found[key].get(name, one) != one]
     if unlike:
-        what = unlike[0] if unlike[0].startswith(("results", "another scenario")) else f"a run with {unlike[0]}"
-        raise BadInput(f"{folder} holds {what}; name another directory with --out")
+        raise BadInput(f"{folder} holds {unlike[0]}; name another directory with --out")
     cells = dict(found["cells"])
     for scenario, cell in asked["cells"].items():
         before = cells.get(scenario, {}).get("estimators", {})
@@ -404,38 +347,31 @@ class StoredRun(NamedTuple):
             known = {name for plan in planned.values() for name in plan.get(scenario, ())}
             more = [name for name in there.get(scenario, ()) if name not in known]
             planned.setdefault(cell["experiment"], {}).setdefault(scenario, []).extend(more)
-        some = {
-            name: {s: [e for e in there.get(s, ()) if e in mine] for s, mine in plan.items()}
-            for name, plan in planned.items()
-        }
-        found = {name: {s: mine for s, mine in plan.items() if mine} for name, plan in some.items()}
+        found = {}
+        for name, plan in planned.items():
+            mine = {s: [e for e in there.get(s, ()) if e in names] for s, names in plan.items()}
+            found[name] = {s: names for s, names in mine.items() if names}
         return {name: plan for name, plan in found.items() if plan}
 
 
 def read_run(folder: Path, empty: bool = False) -> StoredRun:
-    """Return the rows of a run directory; a part that does not match its hash counts as missing.
-
-    Raises:
-        BadInput: the directory is not one of a run, or holds no rows and may not be `empty`.
-
-    """
+    """Return the rows of a run directory; a part that does not match its hash counts as missing."""
     directory = RunDir(folder)
     manifest = directory.manifest
     if not manifest:
         raise BadInput(f"{folder} holds no run: name the directory that cooploc run wrote")
     wanted = {(s, e): count for s, cell in manifest["cells"].items() for e, count in cell["estimators"].items()}
-    found = directory.find(wanted)
-    if not (found.intact or empty):
+    intact, damaged = directory.find(wanted)
+    if not (intact or empty):
         raise BadInput(f"{folder} holds no results yet: continue it with cooploc run --out {folder}")
     gaps = dict(wanted)
-    for key in found.intact:
-        cell = key.scenario, key.estimator
-        gaps[cell] -= min(key.trials.stop, wanted[cell]) - key.trials.start
+    for key in intact:
+        gaps[key[:2]] -= min(key.trials.stop, wanted[key[:2]]) - key.trials.start
     rows = pd.DataFrame(columns=["scenario", "estimator", "trial", "failure", "traceback"])
-    if found.intact:
-        rows = add_certificates(directory.read_rows(wanted, found.intact), manifest["certificates"])
+    if intact:
+        rows = add_certificates(directory.read_rows(wanted, intact), manifest["certificates"])
     gaps = {cell: missing for cell, missing in gaps.items() if missing}
-    return StoredRun(folder, manifest, rows, gaps, read_decisions(folder), tuple(found.damaged))
+    return StoredRun(folder, manifest, rows, gaps, read_decisions(folder), tuple(damaged))
 
 
 def read_decisions(folder: Path) -> dict[str, Any] | None:
@@ -443,10 +379,6 @@ def read_decisions(folder: Path) -> dict[str, Any] | None:
 
     Keys: `most`, the trials at which it ends; `look`, the last one; `going`, the (scenario, estimator) that go on;
     `comparison` and `claim`, a record for each.
-
-    Raises:
-        BadInput: the file is not what was written.
-
     """
     file = folder / DECISIONS
     if not file.is_file():

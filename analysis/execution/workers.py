@@ -22,8 +22,9 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from importlib import import_module
+from itertools import chain
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -121,7 +122,7 @@ def measure(task: Task) -> Iterator[MeasuredPart]:
         if not plugin_world or isinstance(e, BadInput):
             raise
         if not task.smaller():
-            yield part_of_failure(task, failure_line(e), _full_text(e), hashes=[None])
+            yield part_of_failure(task, *explain_failure(e), hashes=[None])
         for one in task.smaller():
             yield from measure(one)
         return
@@ -145,7 +146,7 @@ def _run_rows(task: Task, estimator: ConfiguredEstimator, truth: Truth, stream: 
     except FAILS as e:
         if len(stream.trial) == 1:
             return _rows_of_failure(
-                task, estimator, stream.robots, int(stream.trial[0]), stream.hashes[0], failure_line(e), _full_text(e)
+                task, estimator, stream.robots, int(stream.trial[0]), stream.hashes[0], *explain_failure(e)
             )
         single = (slice(i, i + 1) for i in range(len(stream.trial)))
         frames = [_run_rows(task, estimator, truth.select(s), stream.select(s)) for s in single]
@@ -189,83 +190,49 @@ def _rows_of_failure(
     return pd.DataFrame({**who, **rest, **known, "seconds": float("nan")}).reindex(columns=[*COLUMNS, *FAILURE])
 
 
-def failure_line(e: BaseException) -> str:
-    """Return what a trial's code raised, and where, in one line."""
+def explain_failure(e: BaseException) -> tuple[str, str]:
+    """Return what a trial's code raised, and where, in one line and in full."""
+    full = "".join(traceback.format_exception(e))
     if isinstance(e, ProcessDied | ProcessHung) or isinstance(e.__cause__, WorkerError):
-        return one_line(e)
-    return f"{e if isinstance(e, WorkerError) else one_line(e)} ({place_of(e)})"
-
-
-def _full_text(e: BaseException) -> str:
-    return "".join(traceback.format_exception(e))
+        return one_line(e), full
+    return f"{e if isinstance(e, WorkerError) else one_line(e)} ({place_of(e)})", full
 
 
 # Where tasks run.
 
 Compute = Callable[[list[Task]], Iterator[MeasuredPart]]  # yields the parts of every task, in any order
+Measuring = Future[list[MeasuredPart]]
 
 
 @contextmanager
 def make_workers(
     jobs: int, scheduler: str | None, isolate: bool, compiling: Callable[[], None] = lambda: None
 ) -> Iterator[Compute]:
-    """Yield a function that computes tasks: here, in processes of this machine, or on a Dask cluster.
-
-    Args:
-        jobs: processes.
-        scheduler: the address of a cluster.
-        isolate: False keeps everything in this process.
-        compiling: called where kernels are compiled before the tasks begin.
-
-    Raises:
-        BadInput: fewer than one job, no cluster at the address, or several processes that are to be one.
-
-    """
+    """Yield a function that computes tasks: here, in processes of this machine, or on a Dask cluster."""
     if not 1 <= jobs <= MOST_JOBS:
         raise BadInput(f"jobs is {jobs}; it must be at least 1, and at most {MOST_JOBS}")
     if not isolate and (jobs > 1 or scheduler is not None):
         other = "--scheduler" if scheduler is not None else f"--jobs {jobs}"
         raise BadInput(f"--no-isolate keeps everything in one process, and {other} asks for others: leave one out")
+
+    def compute_here(tasks: list[Task]) -> Iterator[MeasuredPart]:
+        if isolate:
+            compile_kernels(tasks, jobs, compiling)
+        yield from compute_in_parallel(LocalProcesses(jobs), tasks) if jobs > 1 else chain(*map(measure, tasks))
+
     try:
         if scheduler is not None:
             with _connect(scheduler) as client:
                 yield partial(compute_in_parallel, DaskCluster(client, scheduler))
         else:
-            yield partial(_compute_locally, jobs, isolate, compiling)
+            yield compute_here
     except BaseException:
         end_all(but=(SESSION,))
         raise
     end_all(but=(SESSION, BUILTIN))
 
 
-def _compute_locally(
-    jobs: int, isolate: bool, compiling: Callable[[], None], tasks: list[Task]
-) -> Iterator[MeasuredPart]:
-    if isolate:
-        compile_kernels(tasks, jobs, compiling)
-    if jobs > 1:
-        yield from compute_in_parallel(LocalProcesses(jobs), tasks)
-    else:
-        for task in tasks:
-            yield from measure(task)
-
-
-class Processes(Protocol):
-    """Processes to which tasks are submitted."""
-
-    window: int  # tasks that may run or wait at a time: the suspects when a worker dies
-    deaths: tuple[type[BaseException], ...]  # what `result` raises where a worker died
-
-    def submit(self, task: Task) -> "Future[list[MeasuredPart]]": ...
-
-    def result(self, future: "Future[list[MeasuredPart]]") -> list[MeasuredPart]: ...
-
-    def wait_any(self, running: Iterable["Future[Any]"]) -> "set[Future[Any]]": ...
-
-    def replace_dead(self) -> None: ...
-
-
-def compute_in_parallel(processes: Processes, tasks: list[Task]) -> Iterator[MeasuredPart]:
+def compute_in_parallel(processes: "LocalProcesses | DaskCluster", tasks: list[Task]) -> Iterator[MeasuredPart]:
     """Yield the parts of every task, as they come; where a worker dies, those that were running run again, alone."""
     waiting, running = deque(tasks), dict[Future[Any], Task]()
     while waiting or running:
@@ -285,7 +252,7 @@ def compute_in_parallel(processes: Processes, tasks: list[Task]) -> Iterator[Mea
                 break
 
 
-def _compute_alone(processes: Processes, task: Task) -> Iterator[MeasuredPart]:
+def _compute_alone(processes: "LocalProcesses | DaskCluster", task: Task) -> Iterator[MeasuredPart]:
     try:
         yield from processes.result(processes.submit(task))
     except processes.deaths as e:
@@ -299,18 +266,19 @@ def _compute_alone(processes: Processes, task: Task) -> Iterator[MeasuredPart]:
 class LocalProcesses:
     """Processes on this machine; new ones where one of them died."""
 
-    deaths: tuple[type[BaseException], ...] = (BrokenExecutor,)
+    deaths: tuple[type[BaseException], ...] = (BrokenExecutor,)  # what `result` raises where a worker died
 
     def __init__(self, jobs: int) -> None:
-        self._jobs, self.window = jobs, jobs + 1
+        self._jobs = jobs
+        self.window = jobs + 1  # tasks that may run or wait at a time: the suspects when a worker dies
 
-    def submit(self, task: Task) -> "Future[list[MeasuredPart]]":
+    def submit(self, task: Task) -> Measuring:
         return pool(BUILTIN, self._jobs).submit(measure_all, task)
 
-    def result(self, future: "Future[list[MeasuredPart]]") -> list[MeasuredPart]:
+    def result(self, future: Measuring) -> list[MeasuredPart]:
         return future.result()
 
-    def wait_any(self, running: Iterable["Future[Any]"]) -> "set[Future[Any]]":
+    def wait_any(self, running: Iterable[Measuring]) -> set[Measuring]:
         return wait(running, return_when=FIRST_COMPLETED).done
 
     def replace_dead(self) -> None:
@@ -336,31 +304,28 @@ class DaskCluster:
         from distributed.scheduler import KilledWorker
 
         self._client, self._address, self._executor = client, address, client.get_executor(pure=False)
+        kept = "what was finished is kept: start it, and the same command goes on"
+        self._lost = BadInput(f"the Dask scheduler at {address} is gone; {kept}")
         self.window = 2 * max(1, sum(client.nthreads().values()))
         self.deaths: tuple[type[BaseException], ...] = (KilledWorker,)
 
-    def submit(self, task: Task) -> "Future[list[MeasuredPart]]":
-        future: Future[list[MeasuredPart]] = self._executor.submit(_measure_on_dask, task, bits())
+    def submit(self, task: Task) -> Measuring:
+        future: Measuring = self._executor.submit(_measure_on_dask, task, bits())
         return future
 
-    def result(self, future: "Future[list[MeasuredPart]]") -> list[MeasuredPart]:
-        """Return the parts of a task.
-
-        Raises:
-            BadInput: the scheduler is gone, or the worker is unlike this machine or cannot run the task at all.
-
-        """
+    def result(self, future: Measuring) -> list[MeasuredPart]:
+        """Return the parts of a task."""
         try:
             return future.result()
         except (asyncio.CancelledError, CancelledError):
-            raise BadInput(_lost_scheduler(self._address)) from None
+            raise self._lost from None
         except (ImportError, AttributeError) as e:
             raise BadInput(f"a worker of {self._address} cannot run cooploc ({one_line(e)}): install it there") from e
 
-    def wait_any(self, running: Iterable["Future[Any]"]) -> "set[Future[Any]]":
+    def wait_any(self, running: Iterable[Measuring]) -> set[Measuring]:
         while not (done := wait(running, timeout=LOOK, return_when=FIRST_COMPLETED).done):
             if self._client.status != "running":
-                raise BadInput(_lost_scheduler(self._address))
+                raise self._lost
         return done
 
     def replace_dead(self) -> None: ...
@@ -379,12 +344,7 @@ def _measure_on_dask(task: Task, wanted: dict[str, Any]) -> list[MeasuredPart]:
 
 @contextmanager
 def _connect(address: str) -> Iterator[Any]:
-    """Yield the client of a cluster whose workers give the bits that this machine would.
-
-    Raises:
-        BadInput: Dask is not installed, no scheduler answers, there are no workers, or they run other versions.
-
-    """
+    """Yield the client of a cluster whose workers give the bits that this machine would."""
     try:
         distributed: Any = import_module("distributed")
     except ImportError:
@@ -413,19 +373,10 @@ def _connect(address: str) -> Iterator[Any]:
 
 
 def require_same_bits(worker: str, theirs: dict[str, Any], mine: dict[str, Any]) -> None:
-    """Refuse a worker that has other versions, another source or another processor, and so would give other bits.
-
-    Raises:
-        BadInput: says what differs.
-
-    """
+    """Refuse a worker that has other versions, another source or another processor, and so would give other bits."""
     for key in mine:
         if theirs.get(key) != mine[key]:
             raise BadInput(f"the Dask worker {worker} has other {key} than this machine: {REMEDY[key]}")
-
-
-def _lost_scheduler(address: str) -> str:
-    return f"the Dask scheduler at {address} is gone; what was finished is kept: start it, and the same command goes on"
 
 
 # Kernels, compiled before the trials begin, in processes side by side. A mark on disk, beside the kernels, says what
@@ -461,13 +412,10 @@ def compile_kernels(tasks: Iterable[Task], jobs: int, begin: Callable[[], None])
 
 
 def _compile_all(cold: list[list[Task]]) -> None:
-    """Run two ticks of every task's estimator; each scenario is simulated once."""
-    streams = dict[str, Stream]()
+    """Run two ticks of every task's estimator."""
     for task in [task for tasks in cold for task in tasks]:
-        (estimator,), label = task.estimators, task.scenario.label
-        if label not in streams:
-            streams[label] = task.scenario.simulate(task.trials, task.seed)[1]
-        warm_up(estimator.label, make(estimator), streams[label])
+        for estimator in task.estimators:
+            warm_up(estimator.label, make(estimator), task.scenario.simulate(task.trials, task.seed)[1])
 
 
 def _mark(one: ConfiguredEstimator) -> Path:

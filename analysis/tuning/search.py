@@ -51,14 +51,8 @@ SURE = 0.95  # of the one-sided interval that does
 
 
 def trial_scores(rows: pd.DataFrame, objective: str) -> "pd.Series[float]":
-    """Return the score of every trial, by its number; a trial that failed has the worst.
-
-    Raises:
-        BadInput: there is no such objective.
-
-    """
-    require_objective(objective)
-    column, score, after = OBJECTIVES[objective]
+    """Return the score of every trial, by its number; a trial that failed has the worst."""
+    column, score, after = OBJECTIVES[require_objective(objective)]
     there = rows if column in rows else rows.assign(**{column: np.nan})  # lacking where no trial succeeded
     values = there[column].where(rows["failure"].isna(), np.inf)
     weight = rows["ticks"].fillna(1).to_numpy(float)  # of a trial that failed nothing is known
@@ -68,15 +62,11 @@ def trial_scores(rows: pd.DataFrame, objective: str) -> "pd.Series[float]":
     return pd.Series(after(total / np.bincount(of, weight[known])), index=trials)
 
 
-def require_objective(objective: str) -> None:
-    """Refuse a name that is not of `OBJECTIVES`.
-
-    Raises:
-        BadInput: there is no such objective.
-
-    """
+def require_objective(objective: str) -> str:
+    """Return a name of `OBJECTIVES`; refuse another."""
     if objective not in OBJECTIVES:
         raise BadInput(f"there is no objective {objective!r}; {nearest(objective, list(OBJECTIVES))}")
+    return objective
 
 
 def cap_score(nll: Array) -> Array:
@@ -85,18 +75,14 @@ def cap_score(nll: Array) -> Array:
     return np.asarray(np.where(finite > CAP, CAP + np.log1p(np.maximum(finite - CAP, 0.0)), finite))
 
 
-def _bound_squares(mse: Array) -> Array:
-    return np.asarray(np.minimum(np.nan_to_num(mse, nan=np.inf), LARGEST**2))
-
-
-def _log_root(mse: Array) -> Array:
-    return np.asarray(np.log(np.maximum(mse, 1e-12)) / 2)
-
-
 # name -> column of `errors`, what a robot's value counts as, what becomes of the trial's mean
 OBJECTIVES: dict[str, tuple[str, Callable[[Array], Array], Callable[[Array], Array]]] = {
     "nll": ("nll", cap_score, np.asarray),
-    "rmse": ("mse", _bound_squares, _log_root),
+    "rmse": (
+        "mse",
+        lambda mse: np.asarray(np.minimum(np.nan_to_num(mse, nan=np.inf), LARGEST**2)),
+        lambda mse: np.asarray(np.log(np.maximum(mse, 1e-12)) / 2),
+    ),
 }
 
 
@@ -118,17 +104,15 @@ class Space:
         changed = {key: value for key, value in values.items() if value != self.parameters[key].default}
         if not changed:
             return self.published.label
-        written = {**self.published.parameters, **{key: _value_text(value) for key, value in sorted(changed.items())}}
+        written = dict(self.published.parameters)
+        for key, value in sorted(changed.items()):
+            text = f"{value:.{DIGITS}g}" if isinstance(value, float) else str(value)
+            written[key] = text.lower() if isinstance(value, bool) else text
         return f"{self.published.name}[{','.join(f'{key}={value}' for key, value in written.items())}]"
 
 
 def space_of(label: str, isolate: bool = True) -> Space:
-    """Return the space of a label; with `isolate`, what is not built in is imported by a process of its own.
-
-    Raises:
-        BadInput: it cannot be made.
-
-    """
+    """Return the space of a label; with `isolate`, what is not built in is imported by a process of its own."""
     one = configure(label)
     if one.builtin or not isolate:
         return Space(one, _parameters_of(label))
@@ -141,12 +125,6 @@ def space_of(label: str, isolate: bool = True) -> Space:
 def _parameters_of(label: str) -> dict[str, Tunable]:
     stated = configure(label).parameters
     return {name: one for name, one in declarations(make(label)).items() if name not in stated}
-
-
-def _value_text(value: Value) -> str:
-    if isinstance(value, bool):
-        return str(value).lower()
-    return f"{value:.{DIGITS}g}" if isinstance(value, float) else str(value)
 
 
 class Sampler:
@@ -224,7 +202,7 @@ class Lane:
 
 
 Pair = tuple[str, Item]  # a configuration's label, and a trial
-Compute = Callable[[Iterable[Pair]], Mapping[Pair, float]]  # scores of configurations on trials
+Scorer = Callable[[Iterable[Pair]], Mapping[Pair, float]]  # scores of configurations on trials
 
 
 @dataclass
@@ -242,10 +220,6 @@ class Entrant:
     def mean(self, lanes: Sequence[Lane], rounds: int) -> float:
         """Return its mean score over these rounds; every scenario counts the same."""
         return float(np.mean([self.scores[lane.item(k)] for k in range(rounds) for lane in lanes]))
-
-    def end(self, state: str, spent: int, best: bool) -> None:
-        """Note how and when its race ended."""
-        self.state, self.spent, self.best = state, spent, best
 
 
 class Finish(NamedTuple):
@@ -265,32 +239,18 @@ class Finish(NamedTuple):
 
 
 def full_rounds(budget: int, lanes: int) -> int:
-    """Return the rounds that a configuration must survive; 0 where the budget does not suffice for one."""
-    return 0 if budget < lanes else min(MOST_ROUNDS, max(1, budget // (SHARE * lanes)))
+    """Return the rounds that a configuration must survive."""
+    return min(MOST_ROUNDS, max(1, budget // (SHARE * lanes)))
 
 
-def require_budget(space: Space, lanes: Sequence[Lane], budget: int) -> None:
-    """Refuse a budget that does not suffice for one trial of every scenario.
-
-    Raises:
-        BadInput: says the least that does.
-
-    """
-    if not full_rounds(budget, len(lanes)):
-        raise BadInput(
-            f"the budget is {budget} trials, and {space.published.label!r} is tuned on {len(lanes)} scenarios: give at "
-            f"least --budget {len(lanes)}"
-        )
-
-
-def race(space: Space, lanes: Sequence[Lane], budget: int, seed: int, compute: Compute) -> Finish:
+def race(space: Space, lanes: Sequence[Lane], budget: int, seed: int, compute: Scorer) -> Finish:
     """Search for a better configuration of one estimator with so many trials; `seed` is the sampler's."""
     full = full_rounds(budget, len(lanes))
     rungs = [*(2**k for k in range(full.bit_length()) if 2**k < full), full]
     sampler, published = Sampler(space, seed), Entrant(0, space.published.label)
     entrants, best, left = [published], published, budget
     left -= _run_rounds([published], lanes, full, compute)
-    published.end("finished", budget - left, True)
+    published.state, published.spent, published.best = "finished", budget - left, True
     while affordable := min(BATCH, left // (full * len(lanes))):
         labels = [label for label in (sampler.propose() for _ in range(affordable)) if label]
         batch = [Entrant(len(entrants) + i, label) for i, label in enumerate(labels)]
@@ -302,17 +262,16 @@ def race(space: Space, lanes: Sequence[Lane], budget: int, seed: int, compute: C
             left -= _run_rounds(alive, lanes, rounds, compute)
             for one in [one for one in alive if is_worse(one, best)]:
                 alive.remove(one)
-                one.end("stopped", budget - left, False)
+                one.state, one.spent = "stopped", budget - left
         for one in alive:
-            better = is_worse(published, one) and one.mean(lanes, full) < best.mean(lanes, full)
-            best = one if better else best
-            one.end("finished", budget - left, better)
+            one.best = is_worse(published, one) and one.mean(lanes, full) < best.mean(lanes, full)
+            one.state, one.spent, best = "finished", budget - left, one if one.best else best
         for one in batch:
             sampler.tell(one.label, one.mean(lanes, one.rounds) - published.mean(lanes, one.rounds))
     return Finish(space, lanes, entrants, best, full, budget - left)
 
 
-def _run_rounds(entrants: Sequence[Entrant], lanes: Sequence[Lane], rounds: int, compute: Compute) -> int:
+def _run_rounds(entrants: Sequence[Entrant], lanes: Sequence[Lane], rounds: int, compute: Scorer) -> int:
     """Let entrants run up to so many rounds; return the number of trials that this took."""
     items = dict.fromkeys(lane.item(k) for k in range(rounds) for lane in lanes)
     wanted = [(one.label, item) for one in entrants for item in items if item not in one.scores]

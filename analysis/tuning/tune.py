@@ -15,6 +15,7 @@ import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import version
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -24,17 +25,20 @@ import pandas as pd
 from cooploc.analysis.execution.run import RunProgress, Silent, complete, execute, make_manifest, prepare
 from cooploc.analysis.execution.run_directory import PartKey, Receipt, RunDir, read_run, replace_file
 from cooploc.analysis.execution.workers import Compute, make_workers
+from cooploc.analysis.metrics import statistics
+from cooploc.analysis.metrics.compare import compare
+from cooploc.analysis.metrics.errors import drop_failed, weighted_means
+from cooploc.analysis.metrics.sequential import FIXED
 from cooploc.analysis.tuning.search import (
+    Finish,
     Item,
     Lane,
     Pair,
     race,
-    require_budget,
     require_objective,
     space_of,
     trial_scores,
 )
-from cooploc.analysis.tuning.tables import gains, history, order
 from cooploc.estimators import configure
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.registry import parse
@@ -46,6 +50,10 @@ from cooploc.scenarios.studies.study import Block, ResolvedCell, ResolvedStudy, 
 MOST_BUDGET = 1_000_000
 STUDY_FILE, RECORD_FILE = "tuned.toml", "tuning.json"
 HISTORY_FILE, TABLE_FILE = "history.csv", "published-and-tuned.csv"
+VALUE = "value: "  # before a parameter's name: columns of `history`
+SHOWN = ("rmse", "nll", "anees", "consistency", "coverage95", "failed")
+SIDES = ("published", "tuned")
+SIGNIFICANCE = 0.05
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -53,8 +61,8 @@ class Tuned:
     """The result of a tuning, and the directory that holds it."""
 
     folder: Path
-    history: pd.DataFrame  # one row per configuration that was tried, as of `tables.history`
-    table: pd.DataFrame  # one row per scenario and estimator, as published and tuned, as of `tables.gains`
+    history: pd.DataFrame  # one row per configuration that was tried, as of `history`
+    table: pd.DataFrame  # one row per scenario and estimator, as published and tuned, as of `gains`
     rows: pd.DataFrame  # as `cl.errors`, of the fresh streams
     tuned: dict[str, str]  # the tuned label of every estimator
     record: dict[str, Any]  # budget, seeds, hashes of the streams that tuning used
@@ -65,7 +73,7 @@ class Tuned:
         return self.folder / STUDY_FILE
 
     def order(self, by: str = "rmse") -> pd.DataFrame:
-        """Compare every pair of estimators as published and as tuned, as of `analysis.tuning.tables.order`."""
+        """Compare every pair of estimators as published and as tuned, as of `order`."""
         return order(self.rows, self.tuned, by)
 
     def __repr__(self) -> str:
@@ -84,23 +92,7 @@ def tune(
     isolate: bool = True,
     progress: RunProgress | None = None,
 ) -> Tuned:
-    """Tune, compare on fresh streams, and keep everything in `out`; what is there already is not computed again.
-
-    Args:
-        study: what is to be compared.
-        out: the directory.
-        budget: training trials that each estimator may use.
-        objective: "nll" or "rmse", as of `search`.
-        data: the directory of recordings.
-        jobs: processes; their number changes no bit.
-        check: whether estimators that are not built in are checked before they are compared.
-        isolate: False keeps everything in this process, for a debugger.
-        progress: called for every part.
-
-    Raises:
-        BadInput: something cannot be tuned as it stands; nothing was computed.
-
-    """
+    """Tune, compare on fresh streams, and keep everything in `out`; what is there already is not computed again."""
     if not 1 <= budget <= MOST_BUDGET:
         raise BadInput(f"budget is {budget}; it must be at least 1 trial, and at most {MOST_BUDGET}")
     require_objective(objective)
@@ -117,7 +109,11 @@ def tune(
     if not competitors:
         raise BadInput(f"study {study.name!r} has no scenario that estimators may be tuned on: see its training")
     for space, mine in competitors:
-        require_budget(space, mine, budget)
+        if budget < len(mine):
+            raise BadInput(
+                f"the budget is {budget} trials, and {space.published.label!r} is tuned on {len(mine)} scenarios: give "
+                f"at least --budget {len(mine)}"
+            )
     with make_workers(jobs, None, isolate, watcher.compiling) as compute, directory.lock():
         (out / RECORD_FILE).unlink(missing_ok=True)
         scenarios = {one.label: one for lane in own.values() for one in lane.scenarios}
@@ -225,13 +221,9 @@ class Evaluations:
 
 
 def derived_seed(seed: int, purpose: str) -> int:
-    """Return a seed below 2^63 that does not lead back to `seed`, and differs from it."""
-    for attempt in range(100):
-        text = f"{seed}/{purpose}/{attempt}".encode()
-        found = int.from_bytes(hashlib.blake2b(text, digest_size=8, person=b"cooploc tuning").digest(), "little") >> 1
-        if found != seed:
-            return found
-    raise AssertionError("a hash gave the same number a hundred times")
+    """Return a seed below 2^63 that does not lead back to `seed`."""
+    text = f"{seed}/{purpose}/0".encode()
+    return int.from_bytes(hashlib.blake2b(text, digest_size=8, person=b"cooploc tuning").digest(), "little") >> 1
 
 
 def training(
@@ -267,12 +259,7 @@ def training(
 
 
 def lanes(cells: Iterable[ResolvedCell], training: dict[str, tuple[str, ...]], data: Path | None) -> dict[str, Lane]:
-    """Return the lane of every judged scenario; one whose `training` is empty has none, and is only judged.
-
-    Raises:
-        BadInput: a recording of which the study does not say on which other it is tuned, or one that overlaps with it.
-
-    """
+    """Return the lane of every judged scenario; one whose `training` is empty has none, and is only judged."""
     judged = {cell.scenario.label: cell.scenario for cell in cells}
     if unknown := [label for label in training if label not in judged]:
         raise BadInput(f"training names {unknown[0]!r}, which is not a scenario of the study; leave it out")
@@ -321,12 +308,7 @@ def overlap(a: Stream, b: Stream) -> bool:
 
 
 def require_apart(training_seed: int, seed: int, trained: Iterable[str], reported: Iterable[str]) -> None:
-    """Refuse results on streams that tuning has seen.
-
-    Raises:
-        BadInput: the seeds are equal, or a hash of a stream is in both.
-
-    """
+    """Refuse results on streams that tuning has seen."""
     met = set(trained) & set(reported)
     if training_seed == seed or met:
         raise BadInput(
@@ -372,3 +354,123 @@ def _toml(value: object) -> str:
     if isinstance(value, list | tuple):
         return "[\n" + "".join(f"    {_toml(one)},\n" for one in value) + "]" if value else "[]"
     return json.dumps(value, ensure_ascii=False)
+
+
+# ---- tables
+
+
+def history(finishes: Sequence[Finish]) -> pd.DataFrame:
+    """Return one row per configuration that was tried, in the order in which it entered.
+
+    Columns: `estimator`, `number`, `label`; `state`, "finished", or "stopped" as hopeless; `rounds`; `trials` that it
+    used; `spent`, those of its estimator until then; `score`, its mean over its rounds; `gain`, how much smaller that
+    is than the published one's on the same rounds; `best`, whether it was the best until then; and "value: NAME" for
+    every parameter.
+    """
+    rows = []
+    for finish in finishes:
+        for entrant in finish.entrants:
+            row = {name: getattr(entrant, name) for name in ("number", "label", "state", "rounds")}
+            score, before = (one.mean(finish.lanes, entrant.rounds) for one in (entrant, finish.entrants[0]))
+            row |= {"trials": len(entrant.scores), "spent": entrant.spent, "score": score, "gain": before - score}
+            written = parse(entrant.label)[1]
+            values = {f"{VALUE}{key}": written.get(key, one.default) for key, one in finish.space.parameters.items()}
+            rows.append({"estimator": finish.published, **row, "best": entrant.best, **values})
+    return pd.DataFrame(rows)
+
+
+def gains(rows: pd.DataFrame, finishes: Sequence[Finish], objective: str) -> pd.DataFrame:
+    """Return one row per scenario and estimator: as published and as tuned on the same fresh streams.
+
+    Columns:
+        scenario, estimator: as the study has it; tuned: the label of the tuned configuration
+        rmse [m], nll [nats], anees, consistency, coverage95, failed: each `_published` and `_tuned`, as of `compare`
+        score_published, score_tuned: the mean of what was made small, in its unit
+        change, change_low, change_high: RMSE tuned / published - 1, with its paired 95 % interval
+        p_holm: p of that difference, adjusted by Holm over all rows
+        training_gain: how much the mean score fell on the training streams, of which the best was chosen; nan where
+            the scenario was not trained on
+        fresh_gain, fresh_gain_low, fresh_gain_high: the same on fresh streams, with its paired 95 % interval
+        rank_published, rank_tuned: by RMSE among the scenario's estimators; nan where a trial failed
+    """
+    of = {one.published: one for one in finishes}
+    table = pd.DataFrame(
+        [
+            _compare_pair(part[part["estimator"].isin({name, of[name].best.label})], str(scenario), of[name], objective)
+            for scenario, part in rows.groupby("scenario", sort=False)
+            for name in part["estimator"].unique()
+            if name in of
+        ]
+    )
+    table["p_holm"] = statistics.holm(table["p"].to_numpy(float))
+    for which in SIDES:
+        ranked = table[f"rmse_{which}"].where(table[f"failed_{which}"] == 0)
+        table[f"rank_{which}"] = ranked.groupby(table["scenario"]).rank(method="min")
+    return table.drop(columns="p")
+
+
+def _compare_pair(rows: pd.DataFrame, scenario: str, finish: Finish, objective: str) -> dict[str, Any]:
+    published, best = finish.published, finish.best.label
+    records = {row["estimator"]: row for row in compare(rows, baseline=published, full=True).to_dict("records")}
+    before, after = records[published], records[best]
+    scores = {label: trial_scores(part, objective) for label, part in rows.groupby("estimator")}
+    fresh = statistics.mean(np.asarray(scores[published] - scores[best], float))
+    lane, rounds = [one for one in finish.lanes if one.judged == scenario], finish.rounds
+    same = best == published
+    return {
+        "scenario": scenario,
+        "estimator": published,
+        "tuned": best,
+        "trials": int(before["trials"]),
+        **{f"{name}_{which}": row[name] for name in SHOWN for which, row in zip(SIDES, (before, after), strict=True)},
+        "score_published": scores[published].mean(),
+        "score_tuned": scores[best].mean(),
+        **{name: 0.0 if same else after[name] for name in ("change", "change_low", "change_high")},
+        "p": np.nan if same else after["p"],
+        "training_gain": finish.entrants[0].mean(lane, rounds) - finish.best.mean(lane, rounds) if lane else np.nan,
+        "fresh_gain": fresh.value,
+        "fresh_gain_low": fresh.low,
+        "fresh_gain_high": fresh.high,
+    }
+
+
+def order(rows: pd.DataFrame, tuned: Mapping[str, str], by: str = "rmse") -> pd.DataFrame:
+    """Compare every pair of estimators without failed trials, as published and as tuned; one row per scenario and pair.
+
+    Columns: `scenario`, `a`, `b`: labels as published; `published`, `tuned`: the one with the smaller mean error, or
+    empty where the difference is not significant (Holm over all pairs of all scenarios, in each of the two alone);
+    `smaller_published`, `smaller_tuned`: that one, significant or not; `became`: "kept" (the same is significantly
+    better), "reversed" (the other one is), "appeared" and "vanished" (significant only tuned, or only as published),
+    "open" (neither).
+    """
+    found: list[dict[str, Any]] = []
+    for scenario, part in rows.groupby("scenario", sort=False):
+        values = {
+            str(label): weighted_means(own, ["trial"], ["mse"])["mse"] if by == "rmse" else trial_scores(own, by)
+            for label, own in part.groupby("estimator", sort=False)
+            if len(drop_failed(own)) == len(own)
+        }
+        there = [label for label in tuned if label in values and tuned[label] in values]
+        for a, b in combinations(there, 2):
+            row: dict[str, Any] = {"scenario": scenario, "a": a, "b": b}
+            for which, (one, other) in zip(SIDES, ((a, b), (tuned[a], tuned[b])), strict=True):
+                both = pd.concat([values[one], values[other]], axis=1, join="inner").dropna().to_numpy(float)
+                x, y = both[:, 0], both[:, 1]
+                enough = len(x) >= statistics.LEAST_TRIALS and not np.array_equal(x, y)
+                row[f"smaller_{which}"] = "" if not len(x) or x.mean() == y.mean() else a if x.mean() < y.mean() else b
+                row[f"p_{which}"] = _p_value(x, y, by) if enough else np.nan
+            found.append(row)
+    columns = [f"{what}_{which}" for which in SIDES for what in ("smaller", "p")]
+    table = pd.DataFrame(found, columns=["scenario", "a", "b", *columns])
+    for which in SIDES:
+        adjusted = statistics.holm(table.pop(f"p_{which}").to_numpy(float))
+        table[which] = table[f"smaller_{which}"].where(adjusted < SIGNIFICANCE, "")
+    p, t = table["published"], table["tuned"]
+    outcomes = [(p != "") & (p == t), (p != "") & (t != ""), p != "", t != ""]
+    table["became"] = np.select(outcomes, ["kept", "reversed", "vanished", "appeared"], "open")
+    return table
+
+
+def _p_value(x: Any, y: Any, by: str) -> float:
+    """Return p against equal RMSE, as of `change`; against equal mean scores, maybe negative, by the t test."""
+    return FIXED.p_of_difference(x, y) if by == "rmse" else statistics.p_of_mean(statistics.mean(y - x), len(x), 0)

@@ -1,20 +1,20 @@
 """What the commands print: lists, results, the contents of a run, verdicts, plans, tuning, checks."""
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from rich.console import Console
 
 from cooploc.analysis.claims import ledger as ledgers
 from cooploc.analysis.claims.multiverse import shares
 from cooploc.analysis.claims.verdicts import count_verdicts
 from cooploc.analysis.execution.certificates import line
+from cooploc.analysis.execution.run import seconds_left
 from cooploc.analysis.execution.run_directory import RunDir, read_run
-from cooploc.analysis.execution.until_decided import seconds_left
 from cooploc.analysis.formats import change, count, count_of, duration, join_words
 from cooploc.analysis.metrics import ranking
 from cooploc.analysis.metrics.compare import outlier_warnings
@@ -32,7 +32,7 @@ from cooploc.analysis.report.result_tables import (
     result_columns,
     sort_rows,
 )
-from cooploc.analysis.report.tables import Row, Table, csv_text, number_column, text_column
+from cooploc.analysis.report.tables import Table, csv_text, number_column, text_column
 from cooploc.scenarios.conformance import Report, sentences
 from cooploc.scenarios.recordings.scenario import NO_ORDER
 from cooploc.terminal.console import wide
@@ -56,23 +56,17 @@ def keep_tables(table: pd.DataFrame, rows: pd.DataFrame, folder: Path) -> None:
 
 
 def show_results(
-    found: pd.DataFrame,
-    rows: pd.DataFrame,
-    folder: Path,
-    as_json: bool = False,
-    every_column: bool = False,
-    sort: str = "rmse",
+    found: pd.DataFrame, rows: pd.DataFrame, folder: Path, as_json: bool, every_column: bool, sort: str
 ) -> None:
     """Print the results of a run by rising `sort`, then failures, where the files are, and what to do next."""
     manifest, console = RunDir(folder).manifest, wide(stderr=as_json)
-    recorded = manifest.get("data") is not None
     notes = manifest.get("recordings", {})
-    weak = {name: [text for text in notes.get(name, []) if NO_ORDER in text] for name, _ in _by_scenario(found)}
+    parts = _by_scenario(found)
+    weak = {name: [text for text in notes.get(name, []) if NO_ORDER in text] for name, _ in parts}
     if not as_json:
-        parts = _by_scenario(found)
         found = pd.concat([sort_rows(part, STUDY if weak[name] else sort) for name, part in parts])
     table(found, rows, as_json, every_column)
-    for name, part in _by_scenario(found) if recorded else []:
+    for name, part in _by_scenario(found) if manifest.get("data") is not None else []:
         for text in recording_lines(part, weak[name]):
             console.print(text)
     if not manifest.get("isolated", True):
@@ -106,22 +100,15 @@ def _by_scenario(table: pd.DataFrame) -> list[tuple[str, pd.DataFrame]]:
 
 
 def table(table: pd.DataFrame, rows: pd.DataFrame, as_json: bool, every_column: bool = True) -> None:
-    """Print the table of `compare`, or JSON alone on stdout, and what a reader must know of it.
-
-    Args:
-        table: of `compare`.
-        rows: of `errors`.
-        as_json: print JSON instead.
-        every_column: else those of `ESSENTIAL`, which fit 100 characters, and no legend.
-
-    """
+    """Print the table of `compare`, or JSON alone on stdout, and what a reader must know of it."""
     console = wide(stderr=as_json)
     if as_json:
         print(json.dumps(records(table), indent=1))
     else:
         shown = [_results(name, part, every_column) for name, part in _by_scenario(table)]
         for one in shown:
-            console.print(one.terminal(_bold(lowest_that_qualifies(one.rows))))
+            best = lowest_that_qualifies(one.rows)
+            console.print(one.terminal(partial(_bold, best)))
             console.print()
         console.print("bold: the lowest RMSE of those that may be called best", style="dim")
         if every_column:
@@ -133,8 +120,8 @@ def table(table: pd.DataFrame, rows: pd.DataFrame, as_json: bool, every_column: 
         console.print(text)
 
 
-def _bold(chosen: Row | None) -> Callable[[Row], str]:
-    return lambda row: "bold" if row is chosen else ""
+def _bold(chosen: dict[str, Any] | None, row: dict[str, Any]) -> str:
+    return "bold" if row is chosen else ""
 
 
 def records(table: pd.DataFrame) -> list[dict[str, Any]]:
@@ -165,9 +152,6 @@ def _legend(tables: list[Table]) -> list[str]:
     remarks = " ".join(text for c, found in texts.items() if c.head == "remark" for text in found)
     heads |= {word: about for word, about in REMARKS.items() if word in remarks}
     return [f"{word}: {about}" for word, about in heads.items()]
-
-
-# ------------------------------------------------------------------------------------------------ contents of a run
 
 
 def decision_line(rows: pd.DataFrame, decisions: Mapping[str, Any]) -> str:
@@ -201,12 +185,7 @@ CONTENT_COLUMNS = (
 
 
 def show_run(folder: Path) -> None:
-    """Print what a run holds, what is missing, and what failed and why.
-
-    Raises:
-        BadInput: the directory is not a run's.
-
-    """
+    """Print what a run holds, what is missing, and what failed and why."""
     run, console = read_run(folder, empty=True), wide()
     manifest, decisions, certificates = run.manifest, run.decisions, run.manifest["certificates"]
     verdicts = {(one["scenario"], one["estimator"]): one for one in (decisions or {"comparison": []})["comparison"]}
@@ -227,7 +206,11 @@ def show_run(folder: Path) -> None:
             rows.append({**verdicts.get(key, {"verdict": "", "look": 0}), **row})
     hidden = ["decided"] * (not decisions) + ["experiment"] * (len({row["experiment"] for row in rows}) == 1)
     shown = tuple(column for column in CONTENT_COLUMNS if column.head not in hidden)
-    _head(console, folder, manifest)
+    study, versions = manifest["study"], manifest["versions"]
+    console.print(f"{folder}: study {study['name']}, seed {manifest['seed']}, {count_of(study['trials'], 'trial')}")
+    console.print(": ".join(filter(None, (study.get("title"), study["about"]))))
+    commit = f", commit {manifest['commit'][:12]}" if manifest["commit"] else ""
+    console.print(f"cooploc {versions['cooploc']}{commit}, Python {versions['python']}, on {manifest['cpu']}\n")
     console.print(Table("contents", "", shown, rows).terminal())
     if decisions:
         console.print(decision_line(run.rows, decisions))
@@ -245,15 +228,6 @@ def show_run(folder: Path) -> None:
         console.print("\nnothing failed")
 
 
-def _head(console: Console, folder: Path, manifest: dict[str, Any]) -> None:
-    study, versions = manifest["study"], manifest["versions"]
-    trials = count_of(study["trials"], "trial")
-    console.print(f"{folder}: study {study['name']}, seed {manifest['seed']}, {trials}")
-    console.print(": ".join(filter(None, (study.get("title"), study["about"]))))
-    commit = f", commit {manifest['commit'][:12]}" if manifest["commit"] else ""
-    console.print(f"cooploc {versions['cooploc']}{commit}, Python {versions['python']}, on {manifest['cpu']}\n")
-
-
 def _end_of(traceback: str) -> str:
     """The last frames of the last exception of a traceback, and its message."""
     last = traceback.rpartition(CONTINUED)[2].strip("\n")
@@ -262,31 +236,18 @@ def _end_of(traceback: str) -> str:
     return "\n  File ".join([head + "\n  ..." * (len(frames) > FRAMES), *shown])
 
 
-# ------------------------------------------------------------------------------------------------ verdicts
-
 VERDICT_LEGEND = (
     "Changes are b/a - 1: negative where the error falls. A verdict, taken alone, is wrong in at most one of twenty "
     "repetitions of the run; of many some are. stands: still decided after Holm's correction over all judged cases. "
     "Each verdict is of one reading of the paper; cl.readings judges a claim in all that were run (the study "
     "readings runs them)."
 )
-STYLES = {
-    "supported": "green",
-    "direction only": "yellow",
-    "flat": "magenta",
-    "contradicted": "red",
-    "undecided": "cyan",
-}
+STYLES = {"supported": "green", "direction only": "yellow", "flat": "magenta", "contradicted": "red"}
+STYLES |= {"undecided": "cyan"}
 
 
 def show_verdicts(verdicts: pd.DataFrame, ledger: ledgers.Ledger) -> None:
-    """Print a table for every claim, then the readings, what the numbers mean, and how many verdicts may be false.
-
-    Args:
-        verdicts: from `cl.verdicts`.
-        ledger: its ledger.
-
-    """
+    """Print a table for every claim, then the readings, what the numbers mean, and how many verdicts may be false."""
     console, skipped = wide(), []
     console.print(ledger.paper)
     for claim, part in verdicts.groupby("claim", sort=False):
@@ -311,12 +272,7 @@ def show_verdicts(verdicts: pd.DataFrame, ledger: ledgers.Ledger) -> None:
 
 
 def show_interpretations(found: pd.DataFrame) -> None:
-    """Print in how many readings of the paper each claim holds, where a run holds more than one.
-
-    Args:
-        found: from `multiverse.judge`.
-
-    """
+    """Print in how many readings of the paper each claim holds, where a run holds more than one."""
     if found["preset"].all():
         return
     console, counts = wide(), shares(found)
@@ -329,9 +285,6 @@ def show_interpretations(found: pd.DataFrame) -> None:
         "runs the same counts once. letter: the reading nearest to the words of the paper.",
         style="dim",
     )
-
-
-# ------------------------------------------------------------------------------------------------ finished runs
 
 
 def show_report(page: Path) -> None:
@@ -368,12 +321,16 @@ def show_changes(title: str, settings: list[str], found: pd.DataFrame, sentences
 def show_reproduced(found: pd.DataFrame, differences: list[str]) -> None:
     """Print which trials of a report came out bit-equal."""
     console = wide()
+
+    def exact(metres: float) -> str:  # with so many digits that a difference shows
+        return "" if metres != metres else f"{metres:.9g}"
+
     columns = (
         text_column("scenario"),
         text_column("estimator", second_line=True),
         number_column("trial"),
-        number_column("RMSE then [m]", "before", form=_exact),
-        number_column("now [m]", "after", form=_exact, second_line=True),
+        number_column("RMSE then [m]", "before", form=exact),
+        number_column("now [m]", "after", form=exact, second_line=True),
         text_column("", "equal", "remark", of=("remark",)),
     )
     console.print(Table("reproduced", "Trials that were run again", columns, found.to_dict("records")).terminal())
@@ -382,13 +339,6 @@ def show_reproduced(found: pd.DataFrame, differences: list[str]) -> None:
     if equal < len(found) and differences:
         console.print(f"this machine differs from that of the report: {'; '.join(differences)}")
 
-
-def _exact(metres: float) -> str:
-    """Return an RMSE with so many digits that a difference shows."""
-    return "" if metres != metres else f"{metres:.9g}"
-
-
-# ------------------------------------------------------------------------------------- plans, tuning, checks, lists
 
 PLAN_COLUMNS = (
     text_column("scenario"),
@@ -445,25 +395,19 @@ def show_checks(report: Report) -> None:
     alike: dict[tuple[str, str], list[str]] = {}
     for one in report.results:
         alike.setdefault((one.status, "\n".join(sentences(one))), []).append(one.check)
-    rows = [{"check": _names_of(checks), "result": status, "found": found} for (status, found), checks in alike.items()]
+    names = [checks[0] if len(checks) == 1 else f"{len(checks)} others" for checks in alike.values()]
+    rows = [{"check": name, "result": said[0], "found": said[1]} for name, said in zip(names, alike, strict=True)]
     console.print(Table("checks", "", CHECK_COLUMNS, rows).terminal())
     console.print(report.summary())
 
 
-def _names_of(checks: list[str]) -> str:
-    return checks[0] if len(checks) == 1 else f"{len(checks)} others"
-
-
 USES = "uses: a|b is the first of the two that a scenario has; a? is used where it is there"
 HINDSIGHT = "with hindsight, from Python alone: cl.Smoother(), offline: neither ranked nor best"
+NAME, ABOUT = text_column("name"), text_column("what it is", "about")
 HEADS = {
-    "estimators": (
-        text_column("name"),
-        text_column("what it is", "about"),
-        text_column("uses"),
-    ),
-    "scenarios": (text_column("name", "labels"), text_column("what it is", "about")),
-    "studies": (text_column("name"), text_column("takes"), text_column("what it is", "about")),
+    "estimators": (NAME, ABOUT, text_column("uses")),
+    "scenarios": (text_column("name", "labels"), ABOUT),
+    "studies": (NAME, text_column("takes"), ABOUT),
 }
 
 
@@ -484,25 +428,18 @@ def show_list(kind: str, listed: pd.DataFrame) -> None:
 def _row(row: dict[Any, Any]) -> dict[str, Any]:
     minutes = row.get("minutes", float("nan"))
     takes = "" if minutes != minutes else duration(60 * minutes)
-    return {**row, "about": row["about"] + _standing(row) + _other_configurations(row), "takes": takes}
-
-
-def _standing(row: dict[Any, Any]) -> str:
+    about = row["about"]
     if row.get("offline", False):
-        return " (offline: neither ranked nor best)"
-    if row.get("bound", False):
-        return " (a bound)"
-    centralised = row.get("centralised", False) and not row["about"].startswith("Centralised")
-    return " (centralised)" * centralised
+        about += " (offline: neither ranked nor best)"
+    elif row.get("bound", False):
+        about += " (a bound)"
+    elif row.get("centralised", False) and not about.startswith("Centralised"):
+        about += " (centralised)"
+    for key, word in (("published", "as published"), ("best", "at its best")):
+        if row.get(key, row["name"]) != row["name"]:
+            about += f" {word}: {row[key]}."
+    return {**row, "about": about, "takes": takes}
 
-
-def _other_configurations(row: dict[Any, Any]) -> str:
-    """The configurations of an estimator that differ from its default."""
-    words = {"published": "as published", "best": "at its best"}
-    return "".join(f" {word}: {row[key]}." for key, word in words.items() if row.get(key, row["name"]) != row["name"])
-
-
-# -------------------------------------------------------------------------------------------------- inspections
 
 MOST = 40  # rows of a table; `cl.inspect` has all
 
