@@ -53,10 +53,7 @@ def pytest_pyfunc_call():
         return (yield)
 
 
-@pytest.hookimpl(wrapper=True)
-def pytest_fixture_setup():
-    with own_draws():
-        return (yield)
+pytest_fixture_setup = pytest_pyfunc_call
 
 
 def pytest_unconfigure():

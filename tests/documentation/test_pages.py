@@ -1,12 +1,14 @@
 """The documentation: its examples run, its links lead somewhere, and it knows every public name."""
 
 import re
+import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 import cooploc as cl
+from cooploc.catalogue import markdown
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = [*(ROOT / "docs").rglob("*.md"), ROOT / "README.md", ROOT / "CONTRIBUTING.md"]
@@ -38,6 +40,28 @@ def test_the_reference_has_every_public_name():
     assert told == set(cl.__all__)
 
 
+def test_the_table_of_estimators_is_made_from_the_code():
+    """A new estimator is added to it by `cooploc list estimators --markdown`."""
+    page = (ROOT / "docs/reference/estimators.md").read_text("utf-8")
+    (block,) = re.findall(r"<!-- estimators: .*? -->\n(.*?)\n<!-- end of estimators -->", page, re.DOTALL)
+    assert set(block.splitlines()) <= set(markdown().splitlines())
+
+
+def test_the_readings_in_which_the_claims_hold_are_those_of_the_map():
+    paper, found = ((ROOT / f"reports/{name}/README.md").read_text("utf-8") for name in ("paper", "readings"))
+    first = r"This\s+claim\s+holds\s+in\s+(\d+)\s+of\s+(\d+)\s+specifications"
+    second = r"its\s+second,[^,]*,\s+in\s+(\d+)\s+and\s+\d+\s+of\s+(\d+)"
+    for claim, said in (("1", first), ("2", second)):
+        number, of = re.search(said, paper).groups()
+        assert re.search(rf"\*\*{claim}\.\*\*[^*]* holds in {number} of {of} specifications", found)
+
+
+def test_a_citation_is_of_this_version():
+    version = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["version"]
+    assert f"\nversion: {version}\n" in (ROOT / "CITATION.cff").read_text("utf-8")
+    assert re.search(rf"\n## \[?{version}", (ROOT / "CHANGELOG.md").read_text("utf-8"))
+
+
 def test_every_number_of_a_finding_in_the_readme_stands_on_the_page_that_it_links():
     findings = re.search(r"## What was found\n(.*?)\n## ", (ROOT / "README.md").read_text("utf-8"), re.DOTALL)[1]
     items = re.findall(r"^\d\. (.*?\((?:\[[^]]+\]\([^)]+\))\))", findings, re.DOTALL | re.MULTILINE)
@@ -47,6 +71,14 @@ def test_every_number_of_a_finding_in_the_readme_stands_on_the_page_that_it_link
         shown = (ROOT / page).read_text("utf-8")
         for number in re.findall(r"\d+\.\d+|(?<=-)\d+(?= %)", text):
             assert number in shown, (number, page)
+
+
+def test_contributing_names_only_files_that_exist():
+    text = (ROOT / "CONTRIBUTING.md").read_text("utf-8")
+    named = [word for word in re.findall(r"`([^`\s]+)`", text) if re.search(r"/|\.(py|toml|md|cff|lock)$", word)]
+    assert len(named) > 40
+    there = {path.name for path in ROOT.glob("*/**/*.*")} | {"log.toml"}
+    assert [word for word in named if word not in there and not any(ROOT.glob(f"**/{word.rstrip('/')}"))] == []
 
 
 @pytest.mark.slow

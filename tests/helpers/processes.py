@@ -19,6 +19,7 @@ from pathlib import Path
 from unittest.mock import patch
 
 from cooploc.__main__ import main
+from cooploc.analysis.execution.run import Silent
 
 HANGS = 1200  # [s] on the clock, which nothing but a hang takes, however slow and busy the machine
 PLUGIN = '''
@@ -58,6 +59,24 @@ class Trouble(DeadReckoning):
                 prior = prior._replace(x=prior.x * float("nan"))
         return super().init(prior, world, rows)
 '''
+
+
+class Log(Silent):
+    """Remembers what a run says and computes, and ends it by Ctrl-C after some parts."""
+
+    def __init__(self, parts=None):
+        self.computed, self.said, self.began, self._left = [], [], None, parts
+
+    def begin(self, trials, found):
+        self.began = trials, found
+
+    def advance(self, what, trials, failed):
+        self.computed.append((what, trials))
+        if len(self.computed) == self._left:
+            raise KeyboardInterrupt
+
+    def say(self, line):
+        self.said.append(line)
 
 
 def install(folder):

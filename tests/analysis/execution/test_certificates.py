@@ -1,20 +1,18 @@
-"""Who is not built in is checked before it runs: a certificate stands beside the name, and a cheat wins nothing."""
+"""Estimators that are not built in are checked before they run: a certificate stands beside the name, no cheat wins."""
 
 import json
 import shutil
-from pathlib import Path
-from typing import NamedTuple
 
 import broken
-import pandas as pd
 import pytest
 from made_runs import Outline, rows_of
+from processes import Log
 
 from cooploc.analysis.claims.ledger import load
 from cooploc.analysis.claims.trial_table import collect
 from cooploc.analysis.execution import certificates
 from cooploc.analysis.execution.certificates import add_certificates
-from cooploc.analysis.execution.run import Silent, execute, prepare
+from cooploc.analysis.execution.run import execute, prepare
 from cooploc.analysis.execution.run_directory import read_run
 from cooploc.analysis.metrics import ranking
 from cooploc.analysis.metrics.compare import compare
@@ -39,133 +37,81 @@ STUDY = Study(
     scenarios=("robots-1-3/n=2[ticks=5]",),
     estimators=("ekf-local", "outside.py:Honest", "outside.py:Prophet"),
 )
-ALL = len(CHECKS)
+SOUND = STUDY.replace_options(only=("ekf-local", "outside.py:Honest"))
+PASSED = f"passed: {len(CHECKS)} checks"
 
 
-class Told(Silent):
-    """Remembers what a run said."""
-
-    def __init__(self):
-        self.said = []
-
-    def say(self, line):
-        self.said.append(line)
-
-
-class Checked(NamedTuple):
-    """A run of the study with all its checks."""
-
-    folder: Path
-    said: list[str]
-    rows: pd.DataFrame
-
-    @property
-    def honest(self):
-        """The certificate of the sound estimator."""
-        return json.loads((self.folder / "run" / "manifest.json").read_text())["certificates"]["outside.py:Honest"]
-
-
-def enter(folder, patched):
-    """Where outside.py is, and the gallery of broken estimators that it takes one from; workers find them there."""
+def enter(folder, patch):
+    """Put outside.py, and the gallery of broken estimators that it takes one from, where workers find them."""
     (folder / "outside.py").write_text(FILE)
     shutil.copy(broken.__file__, folder)
-    patched.chdir(folder)
-    patched.setenv("PYTHONPATH", str(folder))
-    patched.syspath_prepend(folder)
+    patch.chdir(folder)
+    patch.setenv("PYTHONPATH", str(folder))
+    patch.syspath_prepend(folder)
     return folder
 
 
 @pytest.fixture(scope="module")
 def checked(tmp_path_factory):
-    told = Told()
-    with pytest.MonkeyPatch.context() as patched:
-        folder = enter(tmp_path_factory.mktemp("checked"), patched)
-        return Checked(folder, told.said, execute(prepare(STUDY), folder / "run", progress=told))
+    """A run of the study with all its checks: its folder, what it said, its rows."""
+    log = Log()
+    with pytest.MonkeyPatch.context() as patch:
+        folder = enter(tmp_path_factory.mktemp("checked"), patch)
+        return folder, log.said, execute(prepare(STUDY), folder / "run", progress=log)
 
 
 @pytest.fixture
-def place(tmp_path, monkeypatch):
+def place(checked, tmp_path, monkeypatch):
+    """A folder where what the checks found once is found again at no cost."""
+    found = json.loads((checked[0] / "run" / "manifest.json").read_text())["certificates"]["outside.py:Honest"]
+    monkeypatch.setattr(certificates, "certify", lambda label, isolate: found)
     return enter(tmp_path, monkeypatch)
 
 
-@pytest.fixture
-def found_again(checked, monkeypatch):
-    """What the checks found once is found again at no cost, where the point is when they are asked for."""
-    monkeypatch.setattr(certificates, "certify", lambda label, isolate: checked.honest)
-
-
 def test_a_sound_and_a_cheating_estimator_from_table_to_page(checked, tmp_path):
-    rows, place = checked.rows, checked.folder
-    assert [s for s in checked.said if s.startswith("checking ")] == [
-        f"checking {name}, as it is not built in (--no-check leaves it out)" for name in STUDY.estimators[1:]
-    ]
-    assert f"outside.py:Honest: ✓ {ALL} checks" in checked.said
-    assert "outside.py:Prophet: ✗ causality" in checked.said
+    folder, said, rows = checked
+    assert f"outside.py:Honest: ✓ {len(CHECKS)} checks" in said
+    assert "outside.py:Prophet: ✗ causality" in said
     assert not rows["failure"].notna().any()  # it runs like any other
     table = compare(rows, "ekf-local").set_index("estimator")["certificate"]
-    assert table["ekf-local"] == ""
-    assert table["outside.py:Honest"] == f"passed: {ALL} checks"
+    assert table[["ekf-local", "outside.py:Honest"]].to_list() == ["", PASSED]
     assert table["outside.py:Prophet"].startswith("failed: causality: robot 0's estimate changed")
-
-    source = html_page.write(read_run(place / "run"), load(), tmp_path).read_text()
+    source = html_page.write(read_run(folder / "run"), load(), tmp_path).read_text()
     marks = {row["data-estimator"]: row.get("data-certificate") for row in Outline(source).rows("data-consistency")}
     assert marks == {"ekf-local": None, "outside.py:Honest": "passed", "outside.py:Prophet": "failed"}
     assert "outside.py:Prophet failed a check and is not ranked: causality: robot 0&#39;s estimate" in source
-    for ending in ("md", "tex", "csv"):
-        written = (tmp_path / "tables" / f"experiment-small.{ending}").read_text()
-        assert {"md": "✗ causality", "tex": r"\ensuremath{\times} causality", "csv": "failed: causality"}[
-            ending
-        ] in written
-    ranked = pd.read_csv(tmp_path / "tables" / "experiment-small.csv").set_index("estimator")
-    assert ranked.loc["outside.py:Prophet", ["rank", "group"]].isna().all()
-    assert sorted(ranked["rank"].dropna()) == [1.5, 1.5]
 
 
-def test_the_same_version_is_checked_once_and_another_is_refused(checked, place, found_again):
-    study = STUDY.replace_options(only=("ekf-local", "outside.py:Honest"))
-    shutil.copytree(checked.folder / "run", place / "run")
-    told = Told()
-    more = study.replace_options(trials=8, only=("ekf-local", "outside.py:Honest", "outside.py:Honest[scale=2]"))
-    execute(prepare(more), place / "run", progress=told)
-    assert [s.split(",")[0] for s in told.said if s.startswith("checking")] == ["checking outside.py:Honest[scale=2]"]
+def test_the_same_version_is_checked_once_and_another_again(checked, place):
+    def labels_checked(study, out):
+        execute(prepare(study), out, progress=(log := Log()))
+        return [line.split(",")[0].removeprefix("checking ") for line in log.said if line.startswith("checking ")]
+
+    shutil.copytree(checked[0] / "run", place / "run")
+    more = SOUND.replace_options(trials=8, only=(*SOUND.only, "outside.py:Honest[scale=2]"))
+    assert labels_checked(more, place / "run") == ["outside.py:Honest[scale=2]"]
     (place / "outside.py").write_text(FILE + "\n# edited\n")
-    told = Told()
-    execute(prepare(study), place / "other", progress=told)
-    assert [s.split(",")[0] for s in told.said if s.startswith("checking")] == ["checking outside.py:Honest"]
+    assert labels_checked(SOUND, place / "other") == ["outside.py:Honest"]
 
 
-def test_who_is_not_checked_is_said_to_be_unchecked_until_somebody_does(place, found_again):
-    study = STUDY.replace_options(only=("ekf-local", "outside.py:Honest"))
-    told = Told()
-    rows = execute(prepare(study), place / "run", check=False, progress=told)
-    assert told.said == []
-    lines = dict(zip(rows["estimator"], rows["certificate"], strict=True))
-    assert lines == {"ekf-local": "", "outside.py:Honest": "unchecked: by request (--no-check)"}
-    rows = execute(prepare(study), place / "run")
-    assert set(rows["certificate"]) == {"", f"passed: {ALL} checks"}
-    assert set(execute(prepare(study), place / "run", check=False)["certificate"]) == set(rows["certificate"])
+def test_an_unchecked_estimator_is_said_to_be_until_it_is_checked(place):
+    for check, line in ((False, "unchecked: by request (--no-check)"), (True, PASSED), (False, PASSED)):
+        rows = execute(prepare(SOUND), place / "run", check=check)
+        assert dict(zip(rows["estimator"], rows["certificate"], strict=True)) == {
+            "ekf-local": "",
+            "outside.py:Honest": line,
+        }
 
 
-def certified(rows, **told):
-    found = {name: dict(zip(("status", "found"), line.split(": ", 1), strict=True)) for name, line in told.items()}
-    return add_certificates(rows, found)
-
-
-SMALLER = {"ekf-local": (1.0, 1.0), "a": (0.5, 1.0), "b": (0.4, 1.0)}
-
-
-def test_nobody_is_called_best_who_failed_a_check_and_who_is_unchecked_is_said_to_be():
-    rows = certified(rows_of("nlos", SMALLER), a="unchecked: by request", b="failed: causality: it peeks")
+def test_an_estimator_that_failed_a_check_is_never_called_best_and_an_unchecked_one_is_marked():
+    honest = rows_of("nlos", {"ekf-local": (1.0, 1.0), "a": (0.5, 1.0), "b": (0.4, 1.0)})
+    found = {"a": ("unchecked", "by request"), "b": ("failed", "causality: it peeks")}
+    rows = add_certificates(honest, {name: {"status": s, "found": f} for name, (s, f) in found.items()})
     table = compare(rows, "ekf-local", full=True)
-    (found,) = sentences.standings(table, collect(rows))
-    assert (found.best, found.barred) == ("a", ("b (failed the check causality)",))
-    assert sentences.summary_sentence(found).endswith(
-        "but does not qualify: b (failed the check causality). a was not checked."
-    )
+    (standing,) = sentences.standings(table, collect(rows))
+    assert (standing.best, standing.barred) == ("a", ("b (failed the check causality)",))
+    assert sentences.summary_sentence(standing).endswith("a was not checked.")
     assert ranking.certificate_remarks(table) == [
         "a is unchecked: by request",
         "b failed a check and is not ranked: causality: it peeks",
     ]
-    honest = rows.assign(certificate="")
-    (found,) = sentences.standings(compare(honest, "ekf-local", full=True), collect(honest))
-    assert found.best == "b"

@@ -13,13 +13,13 @@ from cooploc.analysis.execution import workers
 pytestmark = pytest.mark.slow
 pytest.importorskip("distributed", reason="needs Dask: pip install 'cooploc[cluster]'")
 
+FAR = ("run", "small.toml", "--out", "far", "--scheduler")
 SMALL = """
 trials = 6
 baseline = "dead-reckoning"
 scenarios = ["robots-1-3/n={1..6}[ticks=12]"]
 estimators = ["dead-reckoning", "arl[particles=50]", "held"]
 """
-QUIET = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
 
 
 @pytest.fixture(scope="module")
@@ -31,27 +31,21 @@ class Cluster:
     """A scheduler and workers on this machine, started by Dask's own commands."""
 
     def __init__(self, folder, plugins):
-        self.options = {"cwd": folder, **QUIET}
-        self.variables = environment(plugins)
-        self.begun = []
+        self.folder, self.variables, self.begun = folder, environment(plugins), []
         self._begin("scheduler", "--host", "127.0.0.1", "--port", "0", "--scheduler-file", "scheduler.json")
         until((folder / "scheduler.json").exists)
         self.address = json.loads((folder / "scheduler.json").read_text())["address"]
 
     def join(self, **variables):
-        """One more worker, with these environment variables too."""
         name = f"worker-{len(self.begun)}"
         self._begin("worker", self.address, "--nthreads", "1", "--name", name, **variables)
         until(lambda: name in worker_names(self.address))
         return self.begun[-1]
 
-    def end(self):
-        for process in self.begun:
-            kill(process)
-
     def _begin(self, *arguments, **variables):
         command = [sys.executable, "-m", "dask", *arguments, "--no-dashboard"]
-        self.begun.append(subprocess.Popen(command, env={**self.variables, **variables}, **self.options))
+        found, nowhere = {**self.variables, **variables}, subprocess.DEVNULL
+        self.begun.append(subprocess.Popen(command, env=found, cwd=self.folder, stdout=nowhere, stderr=nowhere))
 
 
 def kill(process):
@@ -66,7 +60,8 @@ def kill(process):
 def cluster(tmp_path, plugins):
     found = Cluster(tmp_path, plugins)
     yield found
-    found.end()
+    for process in found.begun:
+        kill(process)
 
 
 def worker_names(address):
@@ -92,8 +87,7 @@ def local(tmp_path, plugins):
 def started(cluster, tmp_path, plugins):
     """The study on the cluster, as soon as a worker is at it; it does not end while there is a file `hold`."""
     (tmp_path / "hold").touch()
-    arguments = ("run", "small.toml", "--out", "far", "--scheduler", cluster.address)
-    run = start(*arguments, plugins=plugins, cwd=tmp_path, prepare=be_patient)
+    run = start(*FAR, cluster.address, plugins=plugins, cwd=tmp_path, prepare=be_patient)
     until(lambda: list(tmp_path.glob("held-*")) or run.poll() is not None)
     assert run.poll() is None
     return run
@@ -127,8 +121,7 @@ def test_a_worker_of_other_bits_that_joins_late_ends_the_run_and_the_same_comman
     assert "has other instructions than this machine: use workers of one kind of processor" in told
     kill(other)
     cluster.join()
-    arguments = ("run", "small.toml", "--out", "far", "--scheduler", cluster.address)
-    again = finish(*arguments, plugins=plugins, cwd=tmp_path, prepare=be_patient)
+    again = finish(*FAR, cluster.address, plugins=plugins, cwd=tmp_path, prepare=be_patient)
     assert again.returncode == 0, again.stderr
     assert parts(tmp_path / "far") == local
 
@@ -142,9 +135,7 @@ def test_a_worker_of_other_bits_that_joins_late_ends_the_run_and_the_same_comman
 )
 def test_a_cluster_that_does_not_answer_is_one_line(tmp_path, plugins, address, said):
     (tmp_path / "small.toml").write_text(SMALL)
-    arguments = ("run", "small.toml", "--out", "far", "--scheduler", address)
-    told = finish(*arguments, plugins=plugins, cwd=tmp_path)
-    assert told.returncode == 2
+    told = finish(*FAR, address, plugins=plugins, cwd=tmp_path)
+    assert (told.returncode, told.stderr.count("\n")) == (2, 1)
     assert said in told.stderr
-    assert told.stderr.count("\n") == 1
     assert not (tmp_path / "far").exists()

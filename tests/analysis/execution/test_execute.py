@@ -5,11 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 import pytest
+from processes import Log, marks, parts
 
 import cooploc as cl
 from cooploc import estimators
 from cooploc.analysis.execution import run
-from cooploc.analysis.execution.run import Silent, execute, prepare
+from cooploc.analysis.execution.run import execute, prepare
 from cooploc.analysis.execution.run_directory import PartKey
 from cooploc.estimators.dead_reckoning import DeadReckoning
 from cooploc.scenarios.studies.study import Study
@@ -28,26 +29,6 @@ def small_chunks():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(run, "CHUNK_TRIALS", (10, 10))
         yield
-
-
-class Told(Silent):
-    """Remembers what a run said."""
-
-    def __init__(self):
-        self.computed, self.said, self.began = [], [], None
-
-    def begin(self, trials, found):
-        self.began = trials, found
-
-    def advance(self, what, trials, failed):
-        self.computed.append((what, trials))
-
-    def say(self, line):
-        self.said.append(line)
-
-
-def parts(folder):
-    return {file.name: file.read_bytes() for file in sorted((folder / "parts").iterdir())}
 
 
 @pytest.fixture(scope="module")
@@ -74,16 +55,14 @@ def test_rows_are_those_of_the_library_calls(finished):
 
 def test_what_is_there_is_not_computed_again(finished):
     folder, rows = finished
-    before = {file.name: file.stat().st_mtime_ns for file in (folder / "parts").iterdir()}
-    told = Told()
+    before, told = marks(folder), Log()
     again = execute(prepare(STUDY), folder, progress=told)
-    assert {file.name: file.stat().st_mtime_ns for file in (folder / "parts").iterdir()} == before
-    assert told.computed == []
-    assert told.began == (2 * 12 * 3, 2 * 12 * 3)
+    assert marks(folder) == before
+    assert (told.computed, told.began) == ([], (2 * 12 * 3, 2 * 12 * 3))
     pd.testing.assert_frame_equal(again, rows)
 
 
-def test_an_added_estimator_and_a_lost_part_are_all_that_runs(finished, tmp_path):
+def test_an_added_estimator_and_a_lost_part_are_all_that_runs(tmp_path, capsys):
     whole = STUDY.replace_options(only=("dead-reckoning", "arl[particles=30]"))
     folder = tmp_path / "run"
     execute(prepare(STUDY.replace_options(only=("dead-reckoning",))), folder)
@@ -91,7 +70,9 @@ def test_an_added_estimator_and_a_lost_part_are_all_that_runs(finished, tmp_path
     lost = folder / "parts" / f"{piece.name}.parquet"
     kept = lost.read_bytes()
     lost.write_bytes(kept[:100])
-    told = Told()
+    cl.show(folder)
+    assert "1 corrupt part, will be computed again, not finished" in capsys.readouterr().out
+    told = Log()
     execute(prepare(whole), folder, progress=told)
     assert [line for line in told.said if piece.name in line]
     assert ("small · trajectory[ticks=15] · dead-reckoning", 2) in told.computed
@@ -104,47 +85,38 @@ def test_more_trials_compute_only_what_is_new_and_fewer_nothing(tmp_path, finish
     folder = tmp_path / "run"
     small = STUDY.replace_options(only=("dead-reckoning",), trials=7)
     execute(prepare(small), folder)
-    told = Told()
+    told = Log()
     rows = execute(prepare(small.replace_options(trials=12)), folder, progress=told)
     assert sum(trials for _, trials in told.computed) == 2 * 5
     whole = finished[1][finished[1]["estimator"] == "dead-reckoning"].reset_index(drop=True)
     pd.testing.assert_frame_equal(rows.drop(columns="seconds"), whole.drop(columns="seconds"))
-    told = Told()
+    told = Log()
     fewer = execute(prepare(small.replace_options(trials=3)), folder, progress=told)
-    assert told.computed == []
-    assert told.began == (6, 6)
+    assert (told.computed, told.began) == ([], (6, 6))
     assert sorted(set(fewer["trial"])) == [0, 1, 2]
 
 
+def test_a_directory_of_another_seed_is_refused_and_new_scenarios_are_not(tmp_path):
+    small, more = STUDY.replace_options(only=("dead-reckoning",)), ("trajectory[ticks=15]", "trajectory[ticks=14]")
+    execute(prepare(small.replace_options(scenarios=more[:1])), tmp_path)
+    assert set(execute(prepare(small.replace_options(scenarios=more)), tmp_path)["scenario"]) == set(more)
+    with pytest.raises(cl.BadInput, match="another seed"):
+        execute(prepare(small.replace_options(seed=9)), tmp_path)
+
+
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("file", "text", "said"),
     [
-        ({"seed": 9}, "another seed"),
-        ({"scenarios": ("trajectory[ticks=15]", "trajectory[ticks=14]")}, None),
+        ("thesis.txt", "precious", "is not a run directory"),
+        ("manifest.json", '{"format": 99}', "format 99"),
+        ("manifest.json", "{", "is damaged"),
     ],
 )
-def test_a_directory_of_other_settings_is_refused_and_new_scenarios_are_not(finished, tmp_path, change, said):
-    folder = tmp_path / "run"
-    small = STUDY.replace_options(only=("dead-reckoning",), scenarios=("trajectory[ticks=15]",))
-    execute(prepare(small), folder)
-    if said is None:
-        assert set(execute(prepare(small.replace_options(**change)), folder)["scenario"]) == set(change["scenarios"])
-        return
+def test_foreign_newer_and_damaged_directories_are_refused_and_left(tmp_path, file, text, said):
+    (tmp_path / file).write_text(text)
     with pytest.raises(cl.BadInput, match=said):
-        execute(prepare(small.replace_options(**change)), folder)
-
-
-def test_foreign_newer_and_damaged_directories_are_refused(tmp_path):
-    (tmp_path / "foreign").mkdir()
-    (tmp_path / "foreign" / "thesis.txt").write_text("precious")
-    (tmp_path / "newer").mkdir()
-    (tmp_path / "newer" / "manifest.json").write_text('{"format": 99}')
-    (tmp_path / "damaged").mkdir()
-    (tmp_path / "damaged" / "manifest.json").write_text("{")
-    for name, said in (("foreign", "is not a run directory"), ("newer", "format 99"), ("damaged", "is damaged")):
-        with pytest.raises(cl.BadInput, match=said):
-            execute(prepare(STUDY), tmp_path / name)
-    assert (tmp_path / "foreign" / "thesis.txt").read_text() == "precious"
+        execute(prepare(STUDY), tmp_path)
+    assert (tmp_path / file).read_text() == text
 
 
 @dataclass(frozen=True)
@@ -157,9 +129,10 @@ class Moody(DeadReckoning):
         return super().init(prior._replace(x=np.where((rows.trial == 5)[:, None], np.nan, prior.x)), world, rows)
 
 
-def test_a_failing_trial_costs_no_other(tmp_path, monkeypatch):
+def test_a_failing_trial_costs_no_other_and_runs_again_on_request(tmp_path, monkeypatch):
     monkeypatch.setitem(estimators.BUILTIN, "moody", (f"{__name__}:Moody", {}))
-    rows = execute(prepare(STUDY.replace_options(only=("dead-reckoning", "moody"))), tmp_path / "run")
+    asked = prepare(STUDY.replace_options(only=("dead-reckoning", "moody")))
+    rows = execute(asked, tmp_path / "run")
     moody = rows[(rows["estimator"] == "moody") & (rows["scenario"] == "trajectory[ticks=15]")]
     failures = moody.dropna(subset="failure").groupby("trial")["failure"].first()
     assert list(failures.index) == [3, 5]
@@ -169,17 +142,10 @@ def test_a_failing_trial_costs_no_other(tmp_path, monkeypatch):
     steady = rows[(rows["estimator"] == "dead-reckoning") & (rows["scenario"] == "trajectory[ticks=15]")]
     pd.testing.assert_series_equal(good, steady.set_index(["trial", "robot"])["mse"].loc[good.index])
     assert cl.summarize(rows).set_index(["scenario", "estimator"]).loc[("trajectory[ticks=15]", "moody"), "failed"] == 2
-    again = execute(prepare(STUDY.replace_options(only=("dead-reckoning", "moody"))), tmp_path / "run")
+    monkeypatch.setattr(Moody, "init", DeadReckoning.init)  # it runs again on request alone
+    told = Log()
+    again = execute(asked, tmp_path / "run", progress=told)
     pd.testing.assert_frame_equal(again.drop(columns="seconds"), rows.drop(columns="seconds"), check_dtype=False)
-
-
-def test_a_trial_that_failed_runs_again_on_request_alone(tmp_path, monkeypatch):
-    monkeypatch.setitem(estimators.BUILTIN, "moody", (f"{__name__}:Moody", {}))
-    asked = prepare(STUDY.replace_options(only=("dead-reckoning", "moody")))
-    execute(asked, tmp_path / "run")
-    monkeypatch.setattr(Moody, "init", DeadReckoning.init)
-    told = Told()
-    assert execute(asked, tmp_path / "run", progress=told)["failure"].notna().any()
     assert told.computed == []
     assert execute(asked, tmp_path / "run", progress=told, retry_failed=True)["failure"].isna().all()
     assert sum(trials for _, trials in told.computed) == 2 * 10

@@ -9,7 +9,6 @@ import time
 from functools import partial
 
 import pandas as pd
-import psutil
 import pytest
 from dying import EXIT, die_at
 from processes import finish, inside, install, marks, parts, start, table, until
@@ -65,10 +64,7 @@ def test_a_run_that_is_killed_again_and_again_ends_bit_identical(place, plugins)
     assert again.returncode == 0, again.stderr
     assert parts(place / "run") == wanted
     assert {name: marks(place / "run")[name] for name in seen} == seen
-    drop = {"seconds"}
-    assert [{k: v for k, v in row.items() if k not in drop} for row in table(again).values()] == [
-        {k: v for k, v in row.items() if k not in drop} for row in table(whole).values()
-    ]
+    pd.testing.assert_frame_equal(*(pd.DataFrame(table(one)).drop("seconds") for one in (again, whole)))
     assert not list((place / "run").rglob("*.tmp"))
 
 
@@ -95,14 +91,16 @@ def test_ctrl_c_ends_a_call_that_would_take_for_ever_and_says_how_to_go_on(held,
     assert run.returncode == 130
     assert "the same command goes on from there" in told
     assert "Traceback" not in told
-    until(lambda: not [p for p in psutil.process_iter() if ran_by(p, run.pid)])
+    until(lambda: not is_group(run.pid))
 
 
-def ran_by(process, group):
+def is_group(group):
+    """Whether a process group has a process."""
     try:
-        return os.getpgid(process.pid) == group
+        os.killpg(group, 0)
     except ProcessLookupError:
         return False
+    return True
 
 
 @pytest.mark.parametrize(
@@ -121,28 +119,12 @@ def test_a_trial_that_fails_is_recorded_and_costs_no_other(place, plugins, does,
     (place / "small.toml").write_text(limit + SMALL.replace("{1..6}", "1"))
     told = finish("run", "small.toml", "--out", "run", *arguments, plugins=plugins, cwd=place)
     assert told.returncode == 1, told.stderr
-    rows = table(told)
-    assert rows["dead-reckoning"]["failed"] == 0
-    assert rows[f"trouble[does={does}]"]["failed"] == 2
-    assert rows[f"trouble[does={does}]"]["trials"] == 4
+    rows = {name: (row["failed"], row["trials"]) for name, row in table(told).items()}
+    assert rows == {"dead-reckoning": (0, 6), f"trouble[does={does}]": (2, 4)}
     assert said in told.stderr
     shown = finish("show", "run", plugins=plugins, cwd=place)
     assert said in shown.stdout
     assert "trials 3, 4" in shown.stdout
-
-
-def test_a_worker_that_is_killed_from_outside_is_replaced(held, plugins):
-    arguments = ("run", "small.toml", "--estimators", "dead-reckoning,held", "--json")
-    run = start(*arguments, "--out", "run", "--jobs", 2, plugins=plugins, cwd=held)
-    until(lambda: list(held.glob("held-*")))
-    victim = next(held.glob("held-*")).name.partition("-")[2]
-    os.kill(int(victim), signal.SIGKILL)
-    (held / "hold").unlink()
-    _, told = run.communicate()
-    assert run.returncode == 0, told
-    whole = finish(*arguments, "--out", "whole", plugins=plugins, cwd=held)
-    assert parts(held / "run") == parts(held / "whole")
-    assert whole.returncode == 0
 
 
 def test_two_runs_into_one_directory_are_refused_until_the_first_is_gone(held, plugins):
@@ -150,9 +132,8 @@ def test_two_runs_into_one_directory_are_refused_until_the_first_is_gone(held, p
     first = start(*arguments, plugins=plugins, cwd=held)
     until(lambda: marks(held / "run"))
     second = finish("run", "small.toml", "--out", "run", plugins=plugins, cwd=held)
-    assert second.returncode == 2
+    assert (second.returncode, second.stderr.count("\n")) == (2, 1)
     assert "another run is writing to run: wait for it, or name another with --out" in second.stderr
-    assert second.stderr.count("\n") == 1
     first.kill()
     first.communicate()
     third = finish("run", "small.toml", "--out", "run", plugins=plugins, cwd=held)
@@ -171,32 +152,13 @@ def test_a_full_disk_stops_the_run_and_keeps_what_was_finished(place, plugins):
     assert "Traceback" not in limited.stderr
     kept = marks(place / "run")
     assert kept
-    assert not any("scalability" in name for name in kept)
     after = finish(*arguments, plugins=plugins, cwd=place)
     assert after.returncode == 0, after.stderr
-    assert {name: marks(place / "run")[name] for name in kept} == kept
-    assert any("scalability" in name for name in marks(place / "run"))
+    assert kept.items() < marks(place / "run").items()
 
 
 def limit_file_size(limit):
     resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
-
-
-def test_show_says_what_is_missing_and_damaged(place, plugins):
-    finish("run", "small.toml", "--out", "run", plugins=plugins, cwd=place)
-    damaged = sorted((place / "run" / "parts").iterdir())[0]
-    damaged.write_bytes(damaged.read_bytes()[:-7])
-    shown = finish("show", "run", plugins=plugins, cwd=place)
-    assert shown.returncode == 0, shown.stderr
-    assert "6 of 6" in shown.stdout
-    assert "1 corrupt part, will be computed again, not finished" in shown.stdout
-    assert "nothing failed" in shown.stdout
-    nothing = finish("show", place / "small.toml", plugins=plugins, cwd=place)
-    assert nothing.returncode == 2
-    assert nothing.stderr.count("\n") == 1
-    again = finish("run", "small.toml", "--out", "run", plugins=plugins, cwd=place)
-    assert damaged.stem in again.stderr
-    assert pd.read_parquet(damaged)["trial"].nunique()
 
 
 def test_a_run_that_dies_before_any_of_its_file_operations_goes_on(tmp_path):

@@ -3,24 +3,15 @@
 import os
 from dataclasses import replace
 
+import numpy as np
 import pandas as pd
 import pytest
 from made_logs import describe, lines, write
-from processes import inside, marks, parts
+from processes import Log, inside, marks, parts
 
 import cooploc as cl
-from cooploc.analysis.execution.run import Silent
 from cooploc.analysis.report.tuning_tables import order_sentence
-from cooploc.analysis.tuning.tables import order
-from cooploc.analysis.tuning.tune import (
-    as_toml,
-    derived_seed,
-    lanes,
-    overlap,
-    require_apart,
-    tune,
-    tuned_study,
-)
+from cooploc.analysis.tuning.tune import as_toml, derived_seed, lanes, order, overlap, require_apart, tune, tuned_study
 from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.scenario import ResolvedScenario
 from cooploc.scenarios.studies.study import Study, load, resolve_study
@@ -31,8 +22,8 @@ def data(tmp_path):
     """A lab's log of four runs, one of which is a copy of another under another name."""
     describe(tmp_path)
     for seed, name in enumerate(("one", "two", "three")):
-        write(tmp_path, name, lines(seed))
-    write(tmp_path, "copy", lines(0))
+        write(tmp_path, name, lines(seed, ticks=20))
+    write(tmp_path, "copy", lines(0, ticks=20))
     return tmp_path
 
 
@@ -41,13 +32,9 @@ def trained(judged, training, data):
     return lanes(resolve_study(asked, data).cells, asked.training, data)
 
 
-def test_the_training_seed_is_another_one_and_the_sampler_s_a_third():
-    for seed in range(2000):
-        assert len({seed, derived_seed(seed, "training"), derived_seed(seed, "sampler")}) == 3
-    assert len({derived_seed(seed, "training") for seed in range(2000)}) == 2000
-
-
-def test_results_of_which_tuning_saw_a_stream_are_refused():
+def test_the_training_seed_is_another_one_and_the_sampler_s_a_third_and_a_met_stream_is_refused():
+    derived = [derived_seed(seed, purpose) for seed in range(2000) for purpose in ("training", "sampler")]
+    assert len({*range(2000), *derived}) == 3 * 2000
     require_apart(5, 1, ["a", "b"], ["c"])
     with pytest.raises(BadInput, match="has seen 1 of the reported streams"):
         require_apart(5, 1, ["a", "b"], ["b", "c"])
@@ -87,8 +74,7 @@ STUDY = Study(
 )
 
 
-PLUGIN = '''
-"""A filter whose gate is a parameter, and which leaves a mark of every process that imports it."""
+PLUGIN = """
 import os
 from dataclasses import dataclass
 from pathlib import Path
@@ -101,15 +87,13 @@ Path(__file__).with_name(f"imported-by-{os.getpid()}").touch()
 
 @dataclass(frozen=True)
 class Mine(EkfLocal):
-    """Refuses some of its own values."""
-
     effort: int = cl.tunable(2, 1, 9)
 
     def __post_init__(self):
         super().__post_init__()
         if self.effort > 5:
             raise ValueError("too much effort")
-'''
+"""
 
 
 @pytest.fixture(scope="module")
@@ -117,18 +101,6 @@ def found(tmp_path_factory):
     """A tuning, and its folder."""
     out = tmp_path_factory.mktemp("tuned") / "out"
     return tune(STUDY, out, budget=24), out
-
-
-class Interrupted(Silent):
-    """Ends the run by Ctrl-C after some parts."""
-
-    def __init__(self, parts):
-        self.left = parts
-
-    def advance(self, what, trials, failed):
-        self.left -= 1
-        if not self.left:
-            raise KeyboardInterrupt
 
 
 def same(one, other):
@@ -142,19 +114,14 @@ def same(one, other):
 
 
 @pytest.mark.slow
-def test_the_bits_do_not_depend_on_the_number_of_processes(found, tmp_path):
-    assert same(found[0], tune(STUDY, tmp_path / "two", budget=24, jobs=2))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("after", [1, 20])
-def test_an_interrupted_tuning_goes_on_computes_nothing_twice_and_ends_the_same(found, tmp_path, after):
+@pytest.mark.parametrize(("after", "jobs"), [(1, 2), (20, 1)])
+def test_an_interrupted_tuning_goes_on_computes_nothing_twice_and_ends_the_same(found, tmp_path, after, jobs):
     out = tmp_path / "out"
     with pytest.raises(KeyboardInterrupt):
-        tune(STUDY, out, budget=24, progress=Interrupted(after))
+        tune(STUDY, out, budget=24, progress=Log(after))
     before = marks(out / "training")
     assert before
-    assert same(found[0], tune(STUDY, out, budget=24))
+    assert same(found[0], tune(STUDY, out, budget=24, jobs=jobs))
     assert before.items() <= marks(out / "training").items()
 
 
@@ -199,42 +166,16 @@ def test_a_plug_in_is_tuned_in_processes_of_its_own_and_a_value_that_it_refuses_
     assert refused.any()
     assert not refused.all()
     assert tried[refused]["score"].min() > tried[~refused]["score"].max()
-    importers = {int(mark.name.rpartition("-")[2]) for mark in tmp_path.glob("imported-by-*")}
-    assert importers
-    assert os.getpid() not in importers
+    assert list(tmp_path.glob("imported-by-*"))
+    assert not (tmp_path / f"imported-by-{os.getpid()}").exists()
 
 
-def test_a_recording_is_tuned_on_other_runs(tmp_path):
-    describe(tmp_path)
-    for seed, name in enumerate(("one", "two", "three")):
-        write(tmp_path, name, lines(seed, ticks=20))
-    study = Study(
-        name="l",
-        trials=1,
-        scenarios=("log/one",),
-        estimators=("ekf-local",),
-        training={"log/one": ("log/two", "log/three")},
-    )
-    tuning = tune(study, tmp_path / "out", budget=12, data=tmp_path)
+def test_a_recording_is_tuned_on_other_runs(data):
+    other = {"log/one": ("log/two", "log/three")}
+    study = Study(name="l", trials=1, scenarios=("log/one",), estimators=("ekf-local",), training=other)
+    tuning = tune(study, data / "out", budget=12, data=data)
     assert {place.partition(",")[0] for place in tuning.record["streams"]} == {"log/two", "log/three"}
     assert set(tuning.rows["scenario"]) == {"log/one"}
-
-
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (("quick", "--budget", "0"), "must be at least 1 trial"),
-        (("quick", "--budget", "2"), "give at least --budget 3"),
-        (("quick", "--estimators", ","), "estimators is empty"),
-        (("quik",), "quick"),
-        (("mrclam", "--budget", "9"), "is a recording"),
-    ],
-)
-def test_what_cannot_be_tuned_is_refused_in_one_line(tmp_path, arguments, said):
-    done = inside("tune", *arguments, cwd=tmp_path)
-    assert done.returncode == 2
-    assert said in done.stderr
-    assert len(done.stderr.strip().splitlines()) == 1
 
 
 def test_the_command_says_what_was_chosen_what_it_bought_and_what_became_of_the_order(tmp_path):
@@ -249,31 +190,16 @@ def test_the_command_says_what_was_chosen_what_it_bought_and_what_became_of_the_
     folder = tmp_path / "runs" / "mine-seed1-tuned"
     again = cl.load_tuned(folder)
     assert list(again.tuned) == ["ekf-local", "dead-reckoning"]
-    assert set(again.order()["became"]) <= {"kept", "reversed", "appeared", "vanished", "open"}
     assert again.table["fresh_gain"].notna().all()
-    assert {"score-against-budget.png", "parameters-ekf-local.png"} <= {f.name for f in folder.iterdir()}
-    assert {"tuned.toml", "tuning.json", "history.csv", "published-and-tuned.csv"} <= {f.name for f in folder.iterdir()}
-
-
-def trials_of(values):
-    """Rows of trials with these squared errors, by the estimator's label."""
-    frames = [
-        pd.DataFrame({"scenario": "s", "estimator": name, "trial": range(len(mse)), "robot": 0, "ticks": 5, "mse": mse,
-                      "nll": 0.0, "failure": None})
-        for name, mse in values.items()
-    ]  # fmt: skip
-    return pd.concat(frames, ignore_index=True)
+    files = "score-against-budget.png parameters-ekf-local.png tuned.toml tuning.json history.csv"
+    assert {*files.split(), "published-and-tuned.csv"} <= {file.name for file in folder.iterdir()}
 
 
 def test_an_order_that_tuning_reverses_is_called_reversed_and_one_that_it_hides_vanishes(rng):
-    hard = rng.uniform(0.9, 1.1, 30)
-
-    def near(level):
-        return level * hard * rng.uniform(0.97, 1.03, 30)
-
-    rows = trials_of(
-        {"a": near(1), "b": near(2), "c": near(4), "a[t=1]": near(3), "b[t=1]": near(2), "c[t=1]": near(3)}
-    )
+    levels = {"a": 1, "b": 2, "c": 4, "a[t=1]": 3, "b[t=1]": 2, "c[t=1]": 3}
+    rows = pd.DataFrame([{"estimator": name, "mse": mse} for name, mse in levels.items()] * 30)
+    rows = rows.assign(scenario="s", trial=np.arange(30).repeat(6), robot=0, ticks=5, nll=0.0, failure=None)
+    rows["mse"] *= rng.uniform(0.9, 1.1, 30).repeat(6) * rng.uniform(0.97, 1.03, 180)
     table = order(rows, {name: f"{name}[t=1]" for name in "abc"}).set_index(["a", "b"])
     assert table.loc[("a", "b"), "became"] == "reversed"
     assert table.loc[("b", "c"), "became"] == "kept"
@@ -287,11 +213,9 @@ def test_a_tuned_study_is_written_and_read_back_as_it_is(tmp_path):
         training={"nlos": ("trajectory",)},
     )  # fmt: skip
     tuned = tuned_study(study, {"arl": "arl[K=2]", "ekf-local": "ekf-local"}, 99, both=False)
-    file = tmp_path / "tuned.toml"
-    file.write_text(as_toml(tuned), encoding="utf-8")
-    again = load(str(file))
+    (tmp_path / "tuned.toml").write_text(as_toml(tuned), encoding="utf-8")
+    again = load(str(tmp_path / "tuned.toml"))
     assert again.cells() == tuned.cells()
-    assert again.about == study.about
-    assert (again.tuned_with, again.training) == (99, study.training)
+    assert (again.about, again.tuned_with, again.training) == (study.about, 99, study.training)
     both = tuned_study(study, {"arl": "arl[K=2]", "ekf-local": "ekf-local"}, 99, both=True)
     assert {cell.estimators for cell in both.cells()} == {("arl", "arl[K=2]", "ekf-local")}
