@@ -155,7 +155,13 @@ def _run_rows(task: Task, estimator: ConfiguredEstimator, truth: Truth, stream: 
 
 def _trace(task: Task, estimator: ConfiguredEstimator, stream: Stream) -> Trace:
     if task.isolate and not estimator.builtin:
-        return trace_in_process(PluginJob(estimator.label, estimator.label, task.time_limit, PLUGINS), [stream], None)
+        job = PluginJob(estimator.label, estimator.label, task.time_limit, PLUGINS)
+        try:
+            return trace_in_process(job, [stream], None)
+        except ProcessDied:
+            if len(stream.trial) > 1:
+                raise
+            return trace_in_process(job, [stream], None)  # once more: what ended the process may have been another's
     with limit_time(task.time_limit, *stream.senses.dt.shape[:2]) as watch:
         return trace(estimator.label, make(estimator), stream, watch)
 
