@@ -236,10 +236,11 @@ def test_the_weight_of_one_number_has_no_shortfall(seed, d, family, criterion):
     for i, w in enumerate(found.w):
         q = (H_j[i] @ P_j[i] @ H_j[i].T).item()
         f = updated(P[i, :2, :2], H[i, 0, :2], q, R[i, 0, 0], criterion)
-        if 1e-6 < w < 1 - 1e-8:  # closer to 1 a double cannot say how close
+        if 1e-6 < w < 1 - 1e-5:
             assert shortfall(f, w) <= tolerance
-        if w == 1.0:
-            assert f(1 - Fraction(1, 10**6)) >= f(1 - Fraction(1, 10**13)) * Fraction(1 - tolerance)
+        elif w > 0.5:  # the slopes say nothing beside the end, and the solver stops at 1 - 10^-7.5
+            beside = [1 - Fraction(1, 10**k) for k in range(4, 16)]
+            assert f(min(Fraction(w), beside[-1])) <= min(map(f, beside)) * Fraction(1 + 1e-7)
 
 
 @SOLVERS
