@@ -155,7 +155,7 @@ def recorded(rounds: int) -> Iterator[Line]:
     what = "MRCLAM 6" if there else "camera/n=5"
     given: Any = {"data": str(DATA)} if there else {"trials": 1, "seed": 1, "ticks": TICKS}
     _, stream = cl.simulate("mrclam/all" if there else what, **given)
-    long, short = stream.truncated(TICKS), stream.truncated(FEW)
+    long, short = stream.first_ticks(TICKS), stream.first_ticks(FEW)
     ours: dict[str, Any] = {name: cl.make(name) for name in FILTERS}
     twins = {name: cl.make(name, engine="filterpy") for name in FILTERS}
     for estimator in (*ours.values(), *twins.values()):
@@ -192,7 +192,7 @@ def joint(rounds: int) -> Iterator[Line]:
     for robots, ticks, trials, few, aim in JOINT:
         _, stream = cl.simulate(f"scalability/n={robots}", trials=trials, seed=1, ticks=ticks)
         ours = {"plain": cl.make("ekf-joint", gate=np.inf, **PLAIN), "default": cl.make("ekf-joint")}
-        cl.run({"filterpy": Filterpy(), **ours}, stream.select(slice(0, 1)).truncated(1), isolate=False)  # import
+        cl.run({"filterpy": Filterpy(), **ours}, stream.select(slice(0, 1)).first_ticks(1), isolate=False)  # import
         ratios: dict[str, list[float]] = {name: [] for name in ours}
         for _ in range(rounds):
             theirs, loop = per_tick("filterpy", Filterpy(), stream.select(slice(0, few)))
@@ -299,7 +299,7 @@ def draw(found: dict[str, Costs], path: Path) -> None:
 
 
 NEIGHBOURS = (19, 39, 69, 99)
-HEARING = ("arl", "mrsl-rssi", "mrsl-distance", "ctrn[weights=exact,audit=0]")
+HEARING = ("arl", "mrsl-rssi", "mrsl-distance", "ctrn[weights=exact]")
 ROWS, SHORT = 400, 5  # robots times trials, about; ticks
 
 
@@ -320,7 +320,7 @@ def per_robot(name: str, neighbours: int, rounds: int) -> tuple[float, float]:
     n = neighbours + 1
     _, stream = cl.simulate(f"scalability/n={n}", trials=max(1, ROWS // n), seed=1, ticks=SHORT)
     mine, rows = {name: cl.make(name)}, stream.senses.dt.size
-    cl.run(mine, stream.truncated(1))
+    cl.run(mine, stream.first_ticks(1))
     taken = [seconds(partial(cl.run, mine, stream, jobs=1)) for _ in range(rounds)]
     messages = cl.run(mine, stream).traces[name].messages
     return float(np.median(taken)) / rows, stream.air.link.sum() / rows if messages.any() else 0.0

@@ -22,7 +22,7 @@ Source: S. Grime, H. Durrant-Whyte, "Data fusion in decentralized sensor network
 """
 
 from dataclasses import dataclass
-from typing import ClassVar, Literal, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -30,7 +30,6 @@ from cooploc.estimators import particles as shared
 from cooploc.estimators.interface import Array, Belief, Indices, Mail, Mask, Rows, Senses, Sensor, World
 from cooploc.estimators.kalman import curvature, kalman, symmetric
 from cooploc.estimators.particle_likelihood import pack, unpack
-from cooploc.estimators.tunable import tunable
 
 VAGUE = 1e3  # sides of the arena: the standard deviation of a channel over which nothing was said
 
@@ -53,38 +52,19 @@ class State(NamedTuple):
 
 @shared.explain
 @dataclass(frozen=True)
-class ChannelPf:
+class ChannelPf(shared.ParticleParameters):
     """Particle filter on own readings; Gaussians are exchanged, less what each link has carried before.
 
     Args:
         reading: of a packet, where no camera sees teammates: "rssi" [dBm] or "range" [m].
-        subtract: whether what a link has carried before is taken off; without it all is counted again in every tick.
 
     """
 
-    api: ClassVar[int] = 1
     sends: ClassVar[str] = "mean, covariance, odometry"
     consistency: ClassVar[str] = "over-confident: a link does not see what comes around others"
-    particles: int = 200
-    anchor_reading: shared.AnchorReading = "doa"
-    density: Literal["constant", "exact"] = tunable("constant", choices=("constant", "exact"), where=shared.DOA)
-    residual: shared.Residual = "wrapped"
-    M: int = tunable(5, 1, 10, where=shared.DOA)
-    K: int = tunable(5, 1, 10, where=shared.DOA)
-    decay: float = tunable(0.99, 0.5, 1.0, where=shared.DOA)
-    temper: bool = tunable(True, choices=(True, False), where=shared.DOA)
-    point: shared.Point = "mean"
-    proposal: shared.Proposal = "walk"
-    box: float = 0.5  # [m]
-    inflation: float = tunable(1.0, 0.5, 5.0, log=True)
-    precision: shared.Precision = "double"
     reading: shared.RadioReading = "range"
-    subtract: bool = True
 
     uses = property(shared.team_channels)
-
-    def __post_init__(self) -> None:
-        shared.require_limits(self)
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
         r, n, own = len(prior.x), world.robots, shared.init(self, prior, world, rows)
@@ -130,8 +110,6 @@ class ChannelPf:
         before.P[:, 2:, 2:] += now[1] - then[1]
         after, gain = _exchange_packets(sensor, before, mine, Belief(*unpack(packets[:, :5])), readings[i, j])
         own = shared.resample_and_estimate(self, s.own._replace(logw=_weigh(s.own, belief.x, gain, i)))
-        if not self.subtract:
-            return s._replace(own=own)
         x, P, heard = s.channel.x.copy(), s.channel.P.copy(), s.heard.copy()
         x[i, j], P[i, j], heard[i, j] = after.x, after.P, packets[:, 5:]
         return s._replace(own=own, channel=Belief(x, P), heard=heard)

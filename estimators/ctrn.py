@@ -11,12 +11,11 @@ covariance intersection", IROS 2013.
 """
 
 from dataclasses import dataclass
-from typing import Any, ClassVar, Literal, NamedTuple
+from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
 
 from cooploc.estimators import particles as shared
-from cooploc.estimators import random_numbers
 from cooploc.estimators.compiled import inlined, kernel, readable, wide
 from cooploc.estimators.covariance_intersection import PIVOT, solve_relative, weight_equation, weight_root
 from cooploc.estimators.interface import Array, Belief, Indices, Mail, Mask, Rows, Senses, Sensor, World
@@ -25,32 +24,6 @@ from cooploc.estimators.models import NEAR, TOO_NEAR_TO_RANGE, LogDistance, Rang
 from cooploc.estimators.particle_likelihood import log_normal, pack, unpack
 from cooploc.estimators.particles import offset, summary
 from cooploc.estimators.tunable import tunable
-
-
-class FusionSample(NamedTuple):
-    """Recorded fusions, which cvxpy solves again."""
-
-    row: Indices  # (k,)
-    w: Array  # (k,)
-    P: Array  # (k, d, d)  own
-    P_j: Array  # (k, 2, 2)  the sender's
-    H: Array  # (k, 1, d)
-    H_j: Array  # (k, 1, 2)
-    R: Array  # (k, 1, 1)
-
-    def take(self, which: Any) -> "FusionSample":
-        """Return some of them."""
-        return FusionSample(*(each[which] for each in self))
-
-    def join(self, more: "FusionSample") -> "FusionSample":
-        """Return these, then more."""
-        return FusionSample(*(np.concatenate(both) for both in zip(self, more, strict=True))) if len(more.row) else self
-
-
-def empty_sample(k: int, d: int) -> FusionSample:
-    """Return arrays for k fusions of a state of width d."""
-    shapes = (d, d), (2, 2), (1, d), (1, 2), (1, 1)
-    return FusionSample(np.zeros(k, np.int64), np.zeros(k), *(np.zeros((k, *shape)) for shape in shapes))
 
 
 class State(NamedTuple):
@@ -62,13 +35,6 @@ class State(NamedTuple):
     belief: Belief
     fusions: Array  # (r,)  how many there were
     fallbacks: Array  # (r,)  of them, how often cvxpy failed and the exact weight was used
-    sample: FusionSample  # exact fusions that cvxpy solves again for the notes
-
-
-def draw_sample(p: "Ctrn", s: State, readings: Array) -> Mask:
-    """Draw the fusions (r, n) of this tick that cvxpy solves again for the notes; none where readings are nan."""
-    u = random_numbers.uniforms(s.own.key, s.own.tick, random_numbers.AUDIT, readings.shape[1])[..., 0]
-    return np.asarray((u < p.audit) & ~np.isnan(readings))
 
 
 # The compiled loop of `fusion="moments"`, each row by itself, as `step_by_step` states it: linearise at the belief so
@@ -78,22 +44,18 @@ COLLAPSED = 1e-12  # smallest eigenvalue over the trace of a covariance that is 
 
 
 def chain(
-    belief: Belief, sensor: Sensor, packets: Array, readings: Array, criterion: str, recorded: Mask
-) -> tuple[Belief, Array, FusionSample] | None:
-    """Intersect beliefs with one sender after the other; return them, the fusions (r,), and a sample of these.
+    belief: Belief, sensor: Sensor, packets: Array, readings: Array, criterion: str
+) -> tuple[Belief, Array] | None:
+    """Intersect beliefs with one sender after the other; return them, and the number of fusions (r,).
 
     Packets are x, y, P_xx, P_xy, P_yy of each sender (r, n, 5); readings (r, n) are in m or dBm, nan where nothing was
-    heard; the sample is to hold the fusions `recorded` (r, n). None where a packet is not a covariance.
+    heard. None where a packet is not a covariance.
     """
-    d = belief.x.shape[-1]
     after, fusions = Belief(belief.x.copy(), belief.P.copy()), np.zeros(len(belief.x))
-    sample = empty_sample(int(recorded.sum()), d)
-    sample.R[:] = sensor.R
     A, slope = (sensor.A, 10 * sensor.eta / np.log(10)) if isinstance(sensor, LogDistance) else (0.0, 0.0)
     model = isinstance(sensor, Range), A, slope, float(sensor.R[0, 0])  # of an RSSI: at 1 m, and per unit of ln d
-    links = readable(packets), readable(readings), readable(recorded)
-    used = _chain(links, model, criterion == "trace", tuple(after), fusions, sample, (0,) * d)
-    return None if used < 0 else (after, fusions, sample.take(slice(used)))
+    links, axes = (readable(packets), readable(readings)), (0,) * belief.x.shape[-1]
+    return (after, fusions) if _chain(links, model, criterion == "trace", tuple(after), fusions, axes) else None
 
 
 @inlined
@@ -148,23 +110,11 @@ def _update(x, P, y, ux, uy, N, w, M, K, axes):
             P[i, j] = P[j, i] = 0.5 * (ij + ji) + N * K[i] * K[j]
 
 
-@inlined
-def _record(f, sample, r, w, own, packet, ux, uy, axes):
-    """Write fusion number f into the sample."""
-    P, P_j, H, H_j = sample.P, sample.P_j, sample.H, sample.H_j
-    sample.row[f], sample.w[f] = r, w
-    H[f, 0, 0], H[f, 0, 1], H_j[f, 0, 0], H_j[f, 0, 1] = ux, uy, -ux, -uy
-    P_j[f, 0, 0], P_j[f, 0, 1], P_j[f, 1, 0], P_j[f, 1, 1] = packet[2], packet[3], packet[3], packet[4]
-    for i in range(len(axes)):
-        for j in range(len(axes)):
-            P[f, i, j] = own[i, j]
-
-
 @kernel
-def _chain(links, model, trace, belief, fusions, sample, axes):
-    """Update the belief by all readings; return the number of recorded fusions, -1 where a packet has no covariance."""
-    (x, P), (packets, readings, recorded) = belief, links
-    M, K, used, R = np.empty((3, 3)), np.empty(3), 0, model[3]
+def _chain(links, model, trace, belief, fusions, axes):
+    """Update the belief by all readings; return whether every packet has a covariance."""
+    (x, P), (packets, readings) = belief, links
+    M, K, R = np.empty((3, 3)), np.empty(3), model[3]
     for r in range(len(x)):
         invertible = _invertible(P[r], axes)
         for j in range(readings.shape[1]):
@@ -178,15 +128,12 @@ def _chain(links, model, trace, belief, fusions, sample, axes):
             if not (xx == np.inf and yy == np.inf):  # else the sender knows nothing
                 q = ux * (ux * xx + uy * xy) + uy * (ux * xy + uy * yy)
                 if not (_definite(xx, xy, yy) and q + R > 0.0):
-                    return -1
+                    return False
                 v = weight_root(*weight_equation(P[r, 0, 0], P[r, 0, 1], P[r, 1, 1], ux, uy, q, R, trace))
-            if recorded[r, j]:
-                _record(used, sample, r, 1 - v, P[r], packet, ux, uy, axes)
-                used += 1
             if v > 0.0:
                 _update(x[r], P[r], y, ux, uy, q / v + R, 1 - v, M, K, axes)
                 invertible = _invertible(P[r], axes)
-    return used
+    return True
 
 
 Reading = tuple[Sensor, int, Array]  # sensor, sender and reading (r, 1), as of `World.relative`
@@ -213,9 +160,6 @@ def intersect(
         fused, failed = np.zeros((2, len(w)))
         fused[use], failed[use] = 1.0, found.fallback
         s = s._replace(fusions=s.fusions + fused, fallbacks=s.fallbacks + failed)
-        if p.weights == "exact":
-            chosen = draw_sample(p, s, np.zeros((len(w), sender + 1)))[use, sender]
-            s = s._replace(sample=s.sample.join(FusionSample(use, found.w, *parts).take(chosen)))
     return inflated_update(belief, y, H, H_j, P_j, sensor.R, w), w, s
 
 
@@ -264,13 +208,12 @@ def fuse_by_moments(p: "Ctrn", s: State, z: Senses, mail: Mail) -> State:
     """
     before, sensor, done = shared.belief_to_send(s.own), s.own.world.sensors[f"radio_{p.reading}"], None
     if p.weights == "exact" and type(sensor) in (LogDistance, Range):
-        z_j = getattr(mail, p.reading)
-        done = chain(before, sensor, mail.packets, z_j, p.criterion, draw_sample(p, s, z_j))
+        done = chain(before, sensor, mail.packets, getattr(mail, p.reading), p.criterion)
     if done is None:
         after, s = step_by_step(p, s, before, z, mail)
     else:
-        after, fusions, sample = done
-        s = s._replace(sample=s.sample.join(sample), fusions=s.fusions + fusions)
+        after, fusions = done
+        s = s._replace(fusions=s.fusions + fusions)
     return s._replace(own=s.own._replace(x=follow(s.own.x, before, after)))
 
 
@@ -365,7 +308,7 @@ FUSE = {"moments": fuse_by_moments, "message": fuse_by_message, "received": fuse
 
 @shared.explain
 @dataclass(frozen=True)
-class Ctrn:
+class Ctrn(shared.ParticleParameters):
     """Particle filter on own readings, covariance intersection with received beliefs.
 
     Args:
@@ -374,45 +317,25 @@ class Ctrn:
             by the reading; or "received", a Gaussian of each sender's packets is kept beside them and never sent on.
         weights: "cvxpy" solves a cone program for the weights, "exact" searches them by their slope.
         criterion: what the weights minimise: "trace" [m^2] or "det" [m^4] of the position's covariance.
-        audit: with weights="exact", the share of fusions, in [0, 1], that cvxpy solves again; see `notes`.
 
     """
 
-    api: ClassVar[int] = 1
     sends: ClassVar[str] = "mean and covariance"
     consistency: ClassVar[str] = "as `arl` alone; the fusion adds no over-confidence"
-    particles: int = 200
-    anchor_reading: shared.AnchorReading = "doa"
-    density: Literal["constant", "exact"] = tunable("constant", choices=("constant", "exact"), where=shared.DOA)
-    residual: shared.Residual = "wrapped"
-    M: int = tunable(5, 1, 10, where=shared.DOA)
-    K: int = tunable(5, 1, 10, where=shared.DOA)
-    decay: float = tunable(0.99, 0.5, 1.0, where=shared.DOA)
-    temper: bool = tunable(True, choices=(True, False), where=shared.DOA)
-    point: shared.Point = "mean"
-    proposal: shared.Proposal = "walk"
-    box: float = 0.5  # [m]
-    inflation: float = tunable(1.0, 0.5, 5.0, log=True)
-    precision: shared.Precision = "double"
     reading: shared.RadioReading = "range"
     fusion: Literal["moments", "message", "received"] = "moments"
     weights: Literal["cvxpy", "exact"] = "cvxpy"
     criterion: Literal["trace", "det"] = tunable("trace", choices=("trace", "det"))
-    audit: float = 1e-3
-
-    def __post_init__(self) -> None:
-        shared.require_limits(self, audit=(0, 1))
 
     @property
     def uses(self) -> tuple[str, ...]:
         return (*shared.own_channels(self), f"radio_{self.reading}")
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
-        senders, d = (world.robots, 2) if self.fusion == "received" else (0, prior.x.shape[-1])
-        own, r = shared.init(self, prior, world, rows), len(prior.x)
+        senders, r = world.robots if self.fusion == "received" else 0, len(prior.x)
         nothing = Belief(np.full((r, senders, 2), np.nan), np.full((r, senders, 2, 2), np.nan))
         group = rows.trial * world.robots + rows.robot
-        return State(own, group, nothing, prior, np.zeros(r), np.zeros(r), empty_sample(0, d))
+        return State(shared.init(self, prior, world, rows), group, nothing, prior, np.zeros(r), np.zeros(r))
 
     def predict(self, s: State, z: Senses) -> State:
         """Move the particles; of senders' packets x' = x + (f(m, u) - m), P' = P + Q, m (r, d) the last estimate."""
@@ -440,14 +363,5 @@ class Ctrn:
         return s.belief
 
     def notes(self, s: State) -> dict[str, Array]:
-        """Count the fusions, and compare the exact weights with cvxpy's where both were computed."""
-        notes = {"fusions": s.fusions, "fallbacks": s.fallbacks}
-        if self.weights == "cvxpy":
-            return notes
-        row, w, P, P_j, H, H_j, R = s.sample
-        trial = s.solver_group[row] // s.own.world.robots
-        again = solve_relative(P, P_j, H, H_j, R, self.criterion, "cvxpy", groups=trial).w
-        largest = np.zeros(len(s.solver_group))
-        np.maximum.at(largest, row, np.abs(again - w))
-        solved = np.bincount(row, minlength=len(largest)).astype(float)
-        return notes | {"solved again by cvxpy": solved, "largest difference of a weight": largest}
+        """Count the fusions, and those in which cvxpy failed."""
+        return {"fusions": s.fusions, "fallbacks": s.fallbacks}

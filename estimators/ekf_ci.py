@@ -10,8 +10,7 @@ and 1/(1-w), so that no unknown correlation can make the result over-confident.
 
 The relative form is overlapping covariance intersection (arXiv 2603.16768) of a pair of beliefs and one reading. Of
 ranges it is the filter of hal-04039619: a range helps at most one of two robots, and by the trace only one with
-h' P_i^2 h / h' P_j h > tr P_i. `lever` is the weight of arXiv 2508.12207 for a planar robot; that paper uses a tick's
-readings at once, this filter one by one.
+h' P_i^2 h / h' P_j h > tr P_i.
 
 Source: L. C. Carrillo-Arce, E. D. Nerurkar, J. L. Gordillo, S. I. Roumeliotis, "Decentralized multi-robot cooperative
 localization using covariance intersection", IROS 2013, for "ls"; the relative form inflates blkdiag(P_i/w, P_j/(1-w))
@@ -26,7 +25,6 @@ import numpy as np
 from cooploc.estimators import kalman
 from cooploc.estimators.covariance_intersection import solve_relative
 from cooploc.estimators.interface import Array, Belief, Indices, Mail, Rows, Senses, World
-from cooploc.estimators.models import AnchorReading
 from cooploc.estimators.tunable import tunable
 
 EXACT = 1e-9 * np.eye(2)  # [m^2] noise of a position that is all belief and no reading
@@ -44,7 +42,7 @@ class State(NamedTuple):
 
 @kalman.explain
 @dataclass(frozen=True)
-class EkfCi:
+class EkfCi(kalman.TeamParameters):
     """EKF on own readings, covariance intersection on received beliefs.
 
     Parameters:
@@ -53,31 +51,18 @@ class EkfCi:
         criterion: what w minimises of the result: its "trace" or its "det".
         over: what the criterion is about. Over the "position" [m^2] alone, headings that no reading sees are inflated
             without bound; over the whole "state", the trace adds m^2 to rad^2.
-        lever: how much a heading counts in the trace over the state, in metres per radian [m]: how far the robot moves
-            while the heading's error turns into one of position. Weighted covariance intersection.
-
     """
 
-    api: ClassVar[int] = 1
     sends: ClassVar[str] = "mean, covariance, sightings"
     consistency: ClassVar[str] = "conservative by construction"
-    anchor_reading: AnchorReading = "doa"
-    gate: float = tunable(kalman.GATE, 2.0, 1000.0, log=True)
-    inflation: float = tunable(1.0, 0.5, 5.0, log=True)
-    engine: kalman.EngineName = "batched"
-    reading: kalman.RadioReading = "range"
     form: Literal["relative", "ls"] = "relative"
     weights: Literal["cvxpy", "exact"] = "exact"
     criterion: Literal["trace", "det"] = tunable("trace", choices=("trace", "det"))
     over: Literal["position", "state"] = tunable("state", choices=("state", "position"))
-    lever: float = 1.0
 
     predict = kalman.predict_belief
     correct = kalman.correct_belief
     estimate = kalman.estimate_belief
-
-    def __post_init__(self) -> None:
-        kalman.require_limits(self, lever=(1e-3, 1e3))
 
     @property
     def uses(self) -> tuple[str, ...]:
@@ -115,13 +100,8 @@ class EkfCi:
         if rows.size == 0:
             return s
         x, P, y, H, H_j, P_j = (part[rows] for part in (s.x, s.P, y, H, H_j, P_j))
-        scaled = P, H
-        if self.lever != 1.0:  # the unit of the state in the criterion
-            unit = np.where(np.arange(x.shape[-1]) < 2, 1.0, self.lever)
-            scaled = P * unit[:, None] * unit, H / unit
         block = 2 if self.over == "position" else x.shape[-1]
-        parts = scaled[0], P_j, scaled[1], H_j, R
-        w = solve_relative(*parts, self.criterion, self.weights, block, s.group[rows]).w
+        w = solve_relative(P, P_j, H, H_j, R, self.criterion, self.weights, block, s.group[rows]).w
         after = kalman.inflated_update(Belief(x, P), y, H, H_j, P_j, R, w, kalman.ENGINES[self.engine].update)
         x, P = s.x.copy(), s.P.copy()
         x[rows], P[rows] = after

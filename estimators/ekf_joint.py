@@ -45,7 +45,6 @@ from cooploc.estimators.joint_gaussian import (
 from cooploc.estimators.joint_kernels import LinearReadings, count_refused, distances, join_ranges, sight_joint
 from cooploc.estimators.kalman_kernels import add_directions, add_ranges, add_scalars
 from cooploc.estimators.models import (
-    AnchorReading,
     Bearing,
     Displacement,
     GradientDoa,
@@ -72,7 +71,7 @@ class State(NamedTuple):
 
 @kalman.explain
 @dataclass(frozen=True)
-class EkfJoint:
+class EkfJoint(kalman.TeamParameters):
     """Centralised EKF over all robots. Plain mode: iterations=1, second_order=False, update="sequential".
 
     Parameters:
@@ -90,16 +89,9 @@ class EkfJoint:
 
     """
 
-    api: ClassVar[int] = 1
     sends: ClassVar[str] = "every reading"
     consistency: ClassVar[str] = "consistent up to linearisation"
-    bound: ClassVar[bool] = False
     centralised: ClassVar[bool] = True
-    anchor_reading: AnchorReading = "doa"
-    gate: float = tunable(kalman.GATE, 2.0, 1000.0, log=True)
-    inflation: float = tunable(1.0, 0.5, 5.0, log=True)
-    engine: kalman.EngineName = "batched"
-    reading: kalman.RadioReading = "range"
     sighting: Literal["both", "range", "bearing", "none"] = "both"
     orientation: bool = False
     absent_odometry: Literal["still", "random"] = "still"

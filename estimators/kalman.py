@@ -6,9 +6,9 @@ numpy; `filterpy` runs filterpy's ExtendedKalmanFilter row by row, as a filterpy
 
 import inspect
 from collections.abc import Callable, Iterator
-from dataclasses import fields
+from dataclasses import dataclass, fields
 from functools import lru_cache
-from typing import Any, Literal, NamedTuple, Self, TypeVar
+from typing import Any, ClassVar, Literal, NamedTuple, Self, TypeVar
 
 import numpy as np
 
@@ -34,6 +34,7 @@ from cooploc.estimators.models import (
     LEAST,
     MOST,
     RAW,
+    AnchorReading,
     LogDistance,
     Orientation,
     Range,
@@ -44,6 +45,7 @@ from cooploc.estimators.models import (
     inflate,
     wrap_heading,
 )
+from cooploc.estimators.tunable import tunable
 
 EngineName = Literal["batched", "filterpy"]
 RadioReading = Literal["rssi", "range", "any"]
@@ -52,7 +54,7 @@ C = TypeVar("C", bound=type)
 # Squared Mahalanobis distance beyond which a reading is refused: chi-square, two degrees of freedom, 0.999.
 GATE = 13.8
 
-# The parameters that the filters share; each filter p has those that it uses as fields of its own.
+# What the parameters that filters share mean.
 MEANINGS = {
     "anchor_reading": """what is used of the anchors: "doa", the direction of arrival [rad] made of the readings of four
         corner anchors, with the variance that it has where the robot is; "doa-constant", the same with one variance
@@ -101,6 +103,31 @@ def assume(p: Any, world: World) -> World:
     if p.anchor_reading not in (*RAW, "none") and "anchor_rssi" in world.sensors:
         gradient_doa(world)
     return inflate(world, p.inflation)
+
+
+@dataclass(frozen=True)
+class KalmanParameters:
+    """The parameters of a robot's own EKF; a filter adds those of its method."""
+
+    api: ClassVar[int] = 1
+    anchor_reading: AnchorReading = "doa"
+    gate: float = tunable(GATE, 2.0, 1000.0, log=True)
+    inflation: float = tunable(1.0, 0.5, 5.0, log=True)
+    engine: EngineName = "batched"
+
+    uses = property(own_channels)
+
+    def __post_init__(self) -> None:
+        require_limits(self)
+
+
+@dataclass(frozen=True)
+class TeamParameters(KalmanParameters):
+    """The same, of a filter that uses readings of teammates."""
+
+    reading: RadioReading = "range"
+
+    uses = property(team_channels)
 
 
 # The Kalman predict and update of many rows at once.
@@ -438,14 +465,6 @@ def curvature(sensor: Sensor, x_i: Array, x_j: Array, D: Array) -> tuple[Array, 
     return sensor.curvature(x_i, x_j[..., :2], D) if isinstance(sensor, Range) else (np.zeros(1), np.zeros((1, 1)))
 
 
-# The steps of the filters that broadcast one belief a tick. They differ in `combine(x, P, y, H, N)`: x', P' by a
-# reading with innovation y (r, k), own Jacobian H (r, k, d) and noise N = H_j P_j H_j' + R (r, k, k); rows with a nan
-# come back bit-identical.
-#
-# Sent, in one broadcast a tick: x and the triangle of P (5 numbers, with a heading 9) and, with a camera, range and
-# bearing of every teammate in sight; 8 bytes each. A robot that was sighted uses that reading, too (`both`).
-
-
 class BroadcastState(NamedTuple):
     """The memory of one robot."""
 
@@ -455,21 +474,40 @@ class BroadcastState(NamedTuple):
     world: World
 
 
-def start_broadcasting(p: Any, prior: Belief, world: World, rows: Rows) -> BroadcastState:
-    """Return the prior as the first belief."""
-    return BroadcastState(prior.x, prior.P, rows.robot, assume(p, world))
+@dataclass(frozen=True)
+class BroadcastFilter(TeamParameters):
+    """The steps of the EKFs that broadcast one belief a tick; they differ in `combine` alone.
 
+    Sent: x and the triangle of P (5 numbers, with a heading 9) and, with a camera, range and bearing of every teammate
+    in sight; 8 bytes each. A robot that was sighted uses that reading, too (`both`).
+    """
 
-def broadcast(p: Any, s: BroadcastState, z: Senses) -> Array:
-    """Return the belief before this tick's fusion, and the sightings, as packets (r, m)."""
-    return Message(s.x, (s.P,), z.sighting if p.both else z.sighting[:, :0]).pack()
+    sends: ClassVar[str] = "mean, covariance, sightings"
+    both: bool = True
 
+    predict = predict_belief
+    correct = correct_belief
+    estimate = estimate_belief
 
-def fuse_broadcasts(p: Any, s: BroadcastState, z: Senses, mail: Mail) -> BroadcastState:
-    """Combine one reading after the other, each linearised at the belief that the last one left."""
-    x, P = s.x, s.P
-    sent = Message.unpack(mail.packets, x.shape[-1])
-    for pair in receive(s.world, z, mail, sent.sightings, s.robot):
-        y, H, H_j = pair.linearise(x, sent.x[:, pair.sender])
-        x, P = p.combine(x, P, y, H, H_j @ sent.P[0][:, pair.sender] @ H_j.mT + pair.sensor.R)
-    return s._replace(x=x, P=P)
+    def init(self, prior: Belief, world: World, rows: Rows) -> BroadcastState:
+        return BroadcastState(prior.x, prior.P, rows.robot, assume(self, world))
+
+    def send(self, s: BroadcastState, z: Senses) -> Array:
+        """Return the belief before this tick's fusion, and the sightings, as packets (r, m)."""
+        return Message(s.x, (s.P,), z.sighting if self.both else z.sighting[:, :0]).pack()
+
+    def fuse(self, s: BroadcastState, z: Senses, mail: Mail) -> BroadcastState:
+        """Combine one reading after the other, each linearised at the belief that the last one left."""
+        x, P = s.x, s.P
+        sent = Message.unpack(mail.packets, x.shape[-1])
+        for pair in receive(s.world, z, mail, sent.sightings, s.robot):
+            y, H, H_j = pair.linearise(x, sent.x[:, pair.sender])
+            x, P = self.combine(x, P, y, H, H_j @ sent.P[0][:, pair.sender] @ H_j.mT + pair.sensor.R)
+        return s._replace(x=x, P=P)
+
+    def combine(self, x: Array, P: Array, y: Array, H: Array, N: Array) -> tuple[Array, Array]:
+        """Return x', P' by a reading with innovation y (r, k), own Jacobian H (r, k, d), N = H_j P_j H_j' + R.
+
+        Rows with a nan come back bit-identical.
+        """
+        raise NotImplementedError

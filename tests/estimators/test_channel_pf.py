@@ -20,8 +20,6 @@ def test_two_linear_robots_that_lose_nothing_are_the_centralised_posterior(seed)
     z[:, :, 1, 0] = -z[:, :, 0, 1]
     stream = once.replace_arrays({"senses.sighting": z})
     found = trace("channel", make("channel-pf", particles=20_000), stream)
-    again = trace("again", make("channel-pf", particles=20_000, subtract=False), stream)
-    shrunk = []
     for trial in range(2):
         for k in range(TICKS):
             mean, cov = dense_posterior(once, trial, k, relative=True)
@@ -29,8 +27,6 @@ def test_two_linear_robots_that_lose_nothing_are_the_centralised_posterior(seed)
                 P = cov[i, :, i]
                 np.testing.assert_allclose(found.x[trial, k, i], mean[i], atol=0.15 * np.sqrt(np.trace(P)))
                 np.testing.assert_allclose(found.P[trial, k, i], P, atol=0.1 * np.trace(P))
-                shrunk.append(np.trace(again.P[trial, k, i]) / np.trace(P))
-    assert min(shrunk) < 0.6  # counting all again would be seen
 
 
 def test_a_packet_after_lost_ones_brings_the_way_that_the_sender_went_meanwhile():

@@ -106,23 +106,18 @@ def meeting(rng, reading, d, r=400, n=7):
 @pytest.mark.parametrize("d", [2, 3])
 def test_the_compiled_chain_is_the_steps_one_by_one(reading, criterion, d):
     world, rows, before, mail = meeting(np.random.default_rng(4), reading, d)
-    ctrn = cl.make("ctrn", reading=reading, criterion=criterion, anchor_reading="rssi", audit=0.3, **SMALL)
+    ctrn = cl.make("ctrn", reading=reading, criterion=criterion, anchor_reading="rssi", **SMALL)
     s, z = ctrn.init(before, world, rows), Senses(*np.empty((6, 0)))
-    z_j = getattr(mail, reading)
-    recorded = by_moments.draw_sample(ctrn, s, z_j)
-    chained, fusions, sample = by_moments.chain(before, SENSORS[reading], mail.packets, z_j, criterion, recorded)
+    chained, fusions = by_moments.chain(before, SENSORS[reading], mail.packets, getattr(mail, reading), criterion)
     stepped, with_steps = by_moments.step_by_step(ctrn, s, before, z, mail)
     size = np.abs(before.P).max((1, 2)) + 1e-300
     np.testing.assert_allclose(chained.P / size[:, None, None], stepped.P / size[:, None, None], atol=1e-12)
     np.testing.assert_allclose(chained.x, stepped.x, rtol=1e-12, atol=1e-12)
     np.testing.assert_array_equal(fusions, with_steps.fusions)
-    samples = (one.take(np.lexsort((one.w, one.row))) for one in (sample, with_steps.sample))
-    for one, other in zip(*samples, strict=True):
-        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-12)
-    w = sample.w
-    assert len(w) > 300
-    assert 0.1 < (w == 1).mean() < 0.9
-    assert w.min() < (0.1 if criterion == "trace" else 0.8)  # det: never below 1/2
+    assert fusions.sum() > 300
+    same = (chained.P == before.P).all((1, 2))
+    assert same.sum() > 10
+    assert (~same).sum() > 200
     for row in (20, 21, 22, 40, 50, 51):
         np.testing.assert_array_equal(chained.P[row], before.P[row])
 
@@ -143,12 +138,10 @@ def test_what_is_received_is_never_fed_back_nor_sent_on():
     np.testing.assert_array_equal(sent[0.0], sent[1.0])
 
 
-def test_cvxpy_and_exact_weights_agree_and_the_run_says_how_far():
+def test_cvxpy_and_exact_weights_agree():
     _, stream = cl.simulate("trajectory", trials=2, seed=6, ticks=15)
-    exact = cl.run({"c": cl.make("ctrn", audit=0.5, **SMALL)}, stream).traces["c"]
+    exact = cl.run({"c": cl.make("ctrn", **SMALL)}, stream).traces["c"]
     assert exact.notes["fusions"].sum() == 2 * 3 * 2 * 15
-    assert 0.3 < exact.notes["solved again by cvxpy"].sum() / exact.notes["fusions"].sum() < 0.7
-    assert exact.notes["largest difference of a weight"].max() < 1e-3
     cvxpy = cl.run({"c": cl.make("ctrn", particles=60)}, stream).traces["c"]
     assert cvxpy.notes["fallbacks"].sum() == 0
     np.testing.assert_allclose(cvxpy.x[:, 0], exact.x[:, 0], atol=1e-3)

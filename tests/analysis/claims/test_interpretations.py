@@ -13,7 +13,7 @@ from cooploc.scenarios.studies import study
 
 DIMENSIONS = load().dimensions
 PARTICLE = ("arl", "mrsl-rssi", "mrsl-distance", "ctrn")
-WEIGHTS = {"ctrn": {"weights": "exact", "audit": 0.0}}
+WEIGHTS = {"ctrn": {"weights": "exact"}}
 
 
 def reading(**chosen):
