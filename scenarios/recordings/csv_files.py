@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import product
 from pathlib import Path
+from reprlib import repr as short_repr
 from typing import NamedTuple
 
 import numpy as np
@@ -80,7 +81,7 @@ def read_places(data: Path, declared: schema.PlacesTable | None, delimiter: str)
         for row, (name,) in enumerate(lines.names):
             if name in found or np.isnan(lines.values[row]).any():
                 why = "was given before" if name in found else "has no place"
-                raise BadInput(f"{lines.at(row)}: {name!r} {why}; correct or remove the line")
+                raise BadInput(f"{lines.at(row)}: {short_repr(name)} {why}; correct or remove the line")
             x, y = lines.values[row] * [c.factor for c in columns]
             found[name] = float(x), float(y)
     return Places(tuple(found), np.array(list(found.values()), float).reshape(-1, 2))
@@ -147,7 +148,7 @@ def _by_robot(run: RunFiles, table: Source, columns: Sequence[LogColumn | None])
             mine = np.flatnonzero([name == robot for name in rows.robot])
             if robot not in run.description.robots and robot not in strangers:
                 strangers.add(robot)
-                left_out = f"{len(mine)} lines of {robot!r}, which is not in `robots`, were left out"
+                left_out = f"{len(mine)} lines of {short_repr(robot)}, which is not in `robots`, were left out"
                 run.warnings.append(f"{rows.path}: {left_out}")
             elif robot in run.description.robots and robot not in found:
                 found[robot], notes = order_series(rows.time[mine], rows.values[mine], str(rows.path))

@@ -214,8 +214,8 @@ def _residuals_of_part(part: FitPart, channel: Channel, robots: Sequence[str], t
     if channel == "range":
         robot, other = np.minimum(robot, other), np.maximum(robot, other)
     link = robot * max(len(robots), len(fixed.names) if fixed else 0) + other
-    ticks = np.floor((at - part.begin) / tick).astype(np.int64)
-    return Residuals(link[used].astype(np.int64), ticks[used], distance[used], z[used])
+    ticks = np.floor((at[used] - part.begin) / tick).astype(np.int64)
+    return Residuals(link[used].astype(np.int64), ticks, distance[used], z[used])
 
 
 def tracks_of(parts: Sequence[FitPart], robot: str, tick: float, gaps: Gaps) -> list[Track]:

@@ -19,6 +19,7 @@ import re
 from collections.abc import Collection, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
+from reprlib import repr as short_repr
 from typing import NamedTuple, cast
 
 import numpy as np
@@ -95,7 +96,7 @@ def read_graph(path: Path) -> Graph:
     faults += _drop_loose_edges(graph)
     graph.warnings.extend(leave_out(path, sorted(faults), sum(fields[0] in FIELDS for _, fields in lines)))
     graph.warnings.extend(
-        f"{path}: {n} lines of {tag!r}, which is not read, were left out" for tag, n in unknown.items()
+        f"{path}: {n} lines of {short_repr(tag)}, which is not read, were left out" for tag, n in unknown.items()
     )
     return graph
 
@@ -121,20 +122,20 @@ def _add(graph: Graph, line: int, fields: list[str]) -> Fault | None:
     values = tuple(parse_number(fields[i]) for i in numbers)
     for i, value in zip(numbers, values, strict=True):
         if not abs(value) <= LARGEST:
-            return line, f"{fields[i]!r} is not a number"
+            return line, f"{short_repr(fields[i])} is not a number"
     if tag.startswith("EDGE"):
         edges = {"EDGE_SE2": graph.relative, "EDGE_SE2_XY": graph.seen, "EDGE_RANGE": graph.ranges}[tag]
         edges.append(Edge(line, fields[2], fields[3], values))
         return None
     name = fields[numbers[-2] - 1] if tag == "VERTEX_XY" else fields[2]
     if name in graph.poses or name in graph.places:
-        return line, f"vertex {name!r} was given before"
+        return line, f"vertex {short_repr(name)} was given before"
     if tag == "VERTEX_XY":
         graph.places[name] = values
         return None
     match = POSE_NAME.fullmatch(name)
     if not match:
-        return line, f"pose {name!r} is not a letter and a number, like A0"
+        return line, f"pose {short_repr(name)} is not a letter and a number, like A0"
     graph.poses[name] = Pose(match[1], int(match[2]), values[0], values[1:])
     return None
 
@@ -149,7 +150,7 @@ def _drop_loose_edges(graph: Graph) -> list[Fault]:
     for edges, seconds in ((graph.relative, of_poses), (graph.seen, of_places), (graph.ranges, of_all)):
         for edge in edges:
             lost = [name for name, known in ((edge.first, of_poses), (edge.second, seconds)) if name not in known]
-            faults += [(edge.line, f"there is no vertex {name!r}") for name in lost[:1]]
+            faults += [(edge.line, f"there is no vertex {short_repr(name)}") for name in lost[:1]]
         loose = {line for line, _ in faults}
         edges[:] = [edge for edge in edges if edge.line not in loose]
     return faults

@@ -73,9 +73,9 @@ class Grid(NamedTuple):
         return np.full(self.ticks, self.tick) if self.lines is None else np.diff(self.lines)
 
     def nearest(self, time: Array) -> Indices:
-        """Return the number of the tick whose end is nearest; -1: the prior's time."""
+        """Return the number of the tick whose end is nearest; -1: the prior's time or before, `ticks`: after the last."""
         if self.lines is None:
-            return np.floor((time - self.t0) / self.tick + 0.5).astype(np.int64) - 1
+            return np.clip(np.floor((time - self.t0) / self.tick + 0.5), 0, self.ticks + 1).astype(np.int64) - 1
         return np.asarray(np.searchsorted(self.lines, time) - 1, np.int64)
 
 

@@ -10,12 +10,13 @@ impossible positions in `true_poses`, names and values of readings in `split_cha
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from reprlib import repr as short_repr
 from typing import Literal, NamedTuple
 
 import numpy as np
 
 from cooploc.estimators.errors import BadInput
-from cooploc.estimators.interface import Array, Indices
+from cooploc.estimators.interface import Array, Indices, Mask
 from cooploc.scenarios.recordings.schema import GroundTruth, ReadingColumns, TeamDescription
 from cooploc.scenarios.recordings.text_files import count_of, time_order
 
@@ -122,6 +123,14 @@ def true_poses(time: Array, poses: Array, declared: GroundTruth) -> tuple[Array,
 
 # ---- A series of one robot, put into order
 
+LONGEST = 2 * 86_400.0  # [s] from the median stamp; what is further away has a damaged stamp
+
+
+def is_near(time: Array) -> Mask:
+    """Return whether each stamp (m,) [s] is within days of the others; False where it is nan."""
+    stamped = time[np.isfinite(time)]
+    return np.asarray(np.abs(time - np.median(stamped)) <= LONGEST) if len(stamped) else np.zeros(len(time), bool)
+
 
 def order_series(time: Array, values: Array, source: str, last: bool = False) -> tuple[Series, list[str]]:
     """Return a series whose stamps rise, and sentences of what was left out or sorted.
@@ -129,15 +138,16 @@ def order_series(time: Array, values: Array, source: str, last: bool = False) ->
     Of the first two columns both must be there, a nan elsewhere is kept. Of lines with one stamp the first stays, or
     the `last`, as of commands.
     """
-    stamped, there = np.isfinite(time), np.isfinite(values[:, :2]).all(-1)
-    good = np.flatnonzero(stamped & there)
+    stamped, near, there = np.isfinite(time), is_near(time), np.isfinite(values[:, :2]).all(-1)
+    good = np.flatnonzero(near & there)
     order, notes = time_order(time[good])
     time, values = time[good][order], values[good][order]
     rises = np.diff(time) > 0
     kept = (np.append(rises, True) if last else np.append(True, rises))[: len(time)]
     reasons = {
         "without a stamp": int((~stamped).sum()),
-        "without a number": int((stamped & ~there).sum()),
+        "without a number": int((near & ~there).sum()),
+        "whose stamp is days from the others": int((stamped & ~near).sum()),
         "whose stamp was given before": int((~kept).sum()),
     }
     left_out = [f"{source}: left out {count_of(n, 'line')} {why}" for why, n in reasons.items() if n]
@@ -228,18 +238,20 @@ def split_channels(
         robot, mate, thing = (
             _numbers(names, of) for names, of in ((one.robot, robots), (one.other, robots), (one.other, fixed))
         )
-        there = np.isfinite(one.values).all(-1)
+        near = is_near(one.time)
+        there = np.isfinite(one.values).all(-1) & near
         positive = there & ((one.values[:, 0] > 0) | (kind == "rssi"))
         known, itself = (robot >= 0) & ((mate >= 0) | (thing >= 0)), (robot == mate) & (robot >= 0)
         for dropped, names, what in (
             (robot < 0, one.robot, "measured by {}, which is not a robot of the team"),
             ((robot >= 0) & ~known, one.other, "of {}, which is not a robot of the team, nor a place"),
             (known & itself, one.robot, "of {} by itself"),
+            (~near, one.robot, "by {} with stamps that are days from the others"),
             (there & ~positive, one.robot, "by {} that are not positive"),
         ):
             rows = np.flatnonzero(dropped).tolist()
             whose = sorted({names[row] for row in rows})
-            some = ", ".join(map(repr, whose[:3])) + f" and {len(whose) - 3} more" * (len(whose) > 3)
+            some = ", ".join(map(short_repr, whose[:3])) + f" and {len(whose) - 3} more" * (len(whose) > 3)
             notes += [f"{one.source}: {len(rows)} readings {what.format(some)}, were left out"] * bool(rows)
         good = known & ~itself & positive
         for channel, other in zip(CHANNELS[kind], (mate, thing), strict=True):

@@ -5,10 +5,10 @@ is refused, with file and line.
 """
 
 import csv
-import io
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from reprlib import repr as short_repr
 from typing import NamedTuple
 
 import numpy as np
@@ -105,7 +105,7 @@ def _fault(line: int, words: Sequence[str], columns: Sequence[str]) -> Fault | N
         return line, f"{len(words)} columns, not {len(columns)} ({', '.join(columns)})"
     for word, name in zip(words, columns, strict=True):
         if not np.isfinite(parse_number(word)):
-            return line, f"{name} is {word!r}, which is not a number"
+            return line, f"{name} is {short_repr(word)}, which is not a number"
     return None
 
 
@@ -178,7 +178,7 @@ def read_lines(path: Path, numbers: Sequence[str], names: Sequence[str], delimit
     without an end that has fewer fields than the first, or ends inside one of `numbers`, as digits may be missing.
     """
     text = read_text(path, "utf-8-sig")
-    content = list(fields_of(path, text, delimiter))
+    content = list(fields_of(text, delimiter))
     first, head = content.pop(0) if content else (1, [])
     of_numbers = [find_column(path, first, head, name) for name in numbers]
     of_names = [find_column(path, first, head, name) for name in names]
@@ -190,7 +190,7 @@ def read_lines(path: Path, numbers: Sequence[str], names: Sequence[str], delimit
     for i in of_numbers:
         same = [(line, fields[i]) for line, fields in content if np.isinf(parse_field(fields[i]))]
         if same:
-            where = f"{path}, line {same[0][0]}: {head[i]} is {same[0][1]!r}, which is not a number"
+            where = f"{path}, line {same[0][0]}: {head[i]} is {short_repr(same[0][1])}, which is not a number"
             if len(same) > (1 - LEAST_LEFT) * len(content):
                 raise BadInput(f"{where}; name another column in log.toml")
             many = "it counts as empty" if len(same) == 1 else f"{len(same)} such fields count as empty"
@@ -202,16 +202,16 @@ def read_lines(path: Path, numbers: Sequence[str], names: Sequence[str], delimit
     return TextTable(path, rows, np.array([line for line, _ in content], np.int64), texts, notes)
 
 
-def fields_of(path: Path, text: str, delimiter: str) -> Iterator[tuple[int, list[str]]]:
-    """Yield the lines that are not blank: number, and fields."""
-    reader = csv.reader(io.StringIO(text), delimiter=delimiter, skipinitialspace=True)
-    try:
-        for raw in reader:
-            fields = [field.strip() for field in raw]
-            if any(fields):
-                yield reader.line_num, fields
-    except csv.Error as e:
-        raise BadInput(f"{path}, line {reader.line_num}: this is not a CSV line ({e}); correct or remove it") from None
+def fields_of(text: str, delimiter: str) -> Iterator[tuple[int, list[str]]]:
+    """Yield the lines that are not blank: number, and fields. A quote without its partner ends with its line."""
+    for i, line in enumerate(text.split("\n"), 1):
+        try:
+            raw = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
+        except csv.Error:  # a field of more than 100,000 characters
+            raw = [line]
+        fields = [field.strip() for field in raw]
+        if any(fields):
+            yield i, fields
 
 
 def find_column(path: Path, line: int, head: list[str], name: str) -> int:
@@ -219,7 +219,7 @@ def find_column(path: Path, line: int, head: list[str], name: str) -> int:
     if head.count(name) == 1:
         return head.index(name)
     if name in head:
-        raise BadInput(f"{path}, line {line}: two columns are named {name!r}; rename one")
+        raise BadInput(f"{path}, line {line}: two columns are named {short_repr(name)}; rename one")
     known = nearest(name, head) if head else "the file is empty; get it again"
     raise BadInput(f"{path}, line {line}: there is no column {name!r}; {known}")
 

@@ -9,6 +9,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
+from reprlib import repr as short_repr
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -68,12 +69,12 @@ def read_csv(path: Path, name: str) -> CsvTable:
         raise BadInput(f"{path}: the file is empty; get it again")
     fields = {d: len(next(csv.reader([text.partition("\n")[0]], delimiter=d), [])) for d in DELIMITERS}
     delimiter = max(DELIMITERS, key=lambda d: (fields[d] > 1, d != " ", fields[d]))
-    head, *rows = (row for _, row in fields_of(path, text, delimiter))
+    head, *rows = (row for _, row in fields_of(text, delimiter))
     head = [name.lstrip("#").strip() for name in head]
     if all(np.isfinite(parse_number(field)) for field in head if field):
         raise BadInput(f"{path}, line 1: numbers where the names of the columns should be; add a line of names")
     if twice := next((name for name in head if head.count(name) > 1), None):
-        raise BadInput(f"{path}, line 1: two columns are named {twice!r}; rename one")
+        raise BadInput(f"{path}, line 1: two columns are named {short_repr(twice)}; rename one")
     whole = [row for row in rows if len(row) == len(head)]
     if not whole:
         raise BadInput(f"{path}: it has no line of data with {len(head)} fields as in line 1; get the file again")
