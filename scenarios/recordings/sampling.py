@@ -73,7 +73,7 @@ class Grid(NamedTuple):
         return np.full(self.ticks, self.tick) if self.lines is None else np.diff(self.lines)
 
     def nearest(self, time: Array) -> Indices:
-        """Return the number of the tick whose end is nearest; -1: the prior's time or before, `ticks`: after the last."""
+        """Return the number of the tick whose end is nearest; -1 is before the first, `ticks` after the last."""
         if self.lines is None:
             return np.clip(np.floor((time - self.t0) / self.tick + 0.5), 0, self.ticks + 1).astype(np.int64) - 1
         return np.asarray(np.searchsorted(self.lines, time) - 1, np.int64)
