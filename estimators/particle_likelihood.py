@@ -161,6 +161,32 @@ def window_reference(
     return logw
 
 
+def folded(doa: GradientDoa, x: Array, logw: Array, S: Array, errors: Array) -> tuple[Array, Array]:
+    """Weigh particles x (r, N, d) as public code of companion work does; return log-weights, and the best one's error.
+
+    The direction is arctan(g_y / g_x), folded to half a plane; its error at a particle, |ADOA - DOA| [rad], is not
+    wrapped. Its standard deviation is that of the particle's four residuals of signal strength, [dB] taken as [rad].
+    `errors` (r, 3), nan where absent, of the best particles of the last ticks are weighed by the same Gaussian.
+    Readings S (r, 4) [dBm]; nothing is weighed without all four, and the error (r,) is nan then.
+
+    Source: herolab-uga/cdoa-localization, commit 3684b64, ros/PFLocalization.py, without its line 251, which uses the
+    tracked position, and without its averages over ten readings and a hundred directions.
+    """
+    error = np.abs(_fold(doa.expect(x)) - _fold(doa.gradient(S))[:, None])
+    level = np.stack([doa.rssi.level(x, corner) for corner in doa.anchors], -1)
+    sd = np.maximum((level - S[:, None, :]).std(-1), np.finfo(float).tiny ** 0.25)
+    past = np.nansum(errors**2, -1)[:, None]
+    log_likelihood = -(1 + (~np.isnan(errors)).sum(-1)[:, None]) * np.log(sd) - 0.5 * (error**2 + past) / sd**2
+    logw = logw + np.where(np.isnan(error), 0.0, log_likelihood)
+    return logw, np.take_along_axis(error, logw.argmax(-1)[:, None], 1)[:, 0]
+
+
+def _fold(g: Array) -> Array:
+    """Return arctan(g_y / g_x) in [-pi/2, pi/2] of gradients (..., 2)."""
+    angle = np.arctan2(g[..., 1], g[..., 0])
+    return np.asarray(angle - np.pi * np.rint(angle / np.pi))
+
+
 def gradient(doa: GradientDoa, x: Array, logw: Array, g: Array) -> Array:
     """Add to `logw` (r, N) the log-density of a measured gradient g (r, 2) [dB/m], nan where absent."""
     if type(doa.rssi) is not LogDistance:

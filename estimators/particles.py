@@ -245,14 +245,16 @@ PARAMETERS = """
             reading of anchors: odometry and teammates alone.
         density: of the direction: "constant" is a Gaussian error of the angle, "exact" the projected normal.
         residual: the error in the constant density: "wrapped", the particle's angle less the measured one in
-            (-pi, pi]; "sum", eq. (4) to the letter: that difference not wrapped, once for each of the four nodes; or
-            "corners", the same with the particle's direction from each node, which says little inside the arena.
+            (-pi, pi]; "sum", eq. (4) to the letter: that difference not wrapped, once for each of the four nodes;
+            "corners", the same with the particle's direction from each node, which says little inside the arena; or
+            "code", that of `particle_likelihood.folded`, which uses neither M, K, decay, temper nor density.
         M: path samples in the product of eq. (5), at least 1.
         K: directions in the moving average, at least 1.
         decay: weight of a direction per sample of age, in (0, 1].
         temper: exponent 1/M on that product; without it a recursive filter counts every direction M times.
         point: "mean" of the particles, or "max", the paper's: the particle of largest weight.
-        proposal: "walk" by the motion model, or "box", the paper's: uniform around the present estimate, every tick.
+        proposal: "walk" by the motion model; "box", the paper's: uniform around the present estimate, every tick; or
+            "best", the same around the particle of largest weight.
         box: half-width of that box [m], above 0.
         inflation: factor, 0.01 to 100, on the standard deviation that is assumed of every reading; 1: as told.
         precision: of particles and their weights, "double" or "single": half the memory and about half the time, with
@@ -296,13 +298,13 @@ class ParticleParameters:
     particles: int = 200
     anchor_reading: Literal["doa", "gradient", "rssi", "none"] = "doa"
     density: Literal["constant", "exact"] = tunable("constant", choices=("constant", "exact"), where=DOA)
-    residual: Literal["wrapped", "sum", "corners"] = "wrapped"
+    residual: Literal["wrapped", "sum", "corners", "code"] = "wrapped"
     M: int = tunable(5, 1, 10, where=DOA)
     K: int = tunable(5, 1, 10, where=DOA)
     decay: float = tunable(0.99, 0.5, 1.0, where=DOA)
     temper: bool = tunable(True, choices=(True, False), where=DOA)
     point: Literal["mean", "max"] = "mean"
-    proposal: Literal["walk", "box"] = "walk"
+    proposal: Literal["walk", "box", "best"] = "walk"
     box: float = 0.5  # [m]
     inflation: float = tunable(1.0, 0.5, 5.0, log=True)
     precision: Literal["double", "single"] = "double"
@@ -329,6 +331,7 @@ class FilterState(NamedTuple):
     doa: Array  # (r, K)     raw angles [rad]
     smooth: Array  # (r, M)     averaged angles [rad]
     trail: Array  # (r, M, 2)  where the robot was then, seen from where it is now [m]
+    errors: Array  # (r, 3)     of the best particles of the last ticks [rad], for residual="code"
     past: PastPackets  # of a robot that uses more than the newest packet of each sender
     world: World
 
@@ -345,8 +348,10 @@ def init(p: Any, prior: Belief, world: World, rows: Rows) -> FilterState:
             f"precision='double', or put the origin within {FARTHEST:.0f} m"
         )
     r, x = len(prior.x), sample_prior(prior, rows.key, p.particles)
-    empty = np.full((r, p.K), np.nan), np.full((r, p.M), np.nan), np.zeros((r, p.M, 2)), no_past_packets(r, 0, 0)
-    s = FilterState(x, np.zeros(x.shape[:2]), np.zeros(r, bool), None, prior, rows.key, 0, *empty, world)
+    empty = np.full((r, p.K), np.nan), np.full((r, p.M), np.nan), np.zeros((r, p.M, 2)), np.full((r, 3), np.nan)
+    s = FilterState(
+        x, np.zeros(x.shape[:2]), np.zeros(r, bool), None, prior, rows.key, 0, *empty, no_past_packets(r, 0, 0), world
+    )
     return round_to_single(p, s)
 
 
@@ -367,14 +372,18 @@ def round_to_single(p: Any, s: FilterState) -> FilterState:
 
 
 def predict(p: Any, s: FilterState, z: Senses) -> FilterState:
-    """Draw from P(x_t+1 | x_t); "box": uniformly around the moved estimate, forgetting the weights."""
+    """Draw from P(x_t+1 | x_t), or uniformly around the moved estimate or best particle, forgetting the weights."""
     motion, tick = s.world.motion, s.tick + 1
     if _is_one_pass(p, s.world):
         return s._replace(tick=tick)
     trail = motion.retrace(s.trail, z.odometry, z.dt)
-    if p.proposal == "box":
-        x, logw = resample(s.x, s.logw, s.key, s.tick)
-        middle, _, _ = motion.move(moments(x, weights(logw)).x, z.odometry, z.dt)
+    if p.proposal != "walk":
+        if p.proposal == "best":
+            here = heaviest(s.x, s.logw)
+        else:
+            x, logw = resample(s.x, s.logw, s.key, s.tick)
+            here = moments(x, weights(logw)).x
+        middle, _, _ = motion.move(here, z.odometry, z.dt)
         x, logw = np.repeat(middle[:, None, :], p.particles, 1), np.zeros_like(s.logw)
         x[..., :2] += p.box * (2 * random_numbers.uniforms(s.key, tick, random_numbers.BOX, p.particles) - 1)
     else:
@@ -395,6 +404,10 @@ def correct(p: Any, s: FilterState, z: Senses) -> FilterState:
     elif reads == "gradient":
         doa = gradient_doa(s.world)
         s = s._replace(logw=particle_likelihood.gradient(doa, s.x, s.logw, doa.gradient(z.anchor_rssi)))
+    elif reads == "doa" and p.residual == "code":
+        doa = gradient_doa(s.world)
+        logw, error = particle_likelihood.folded(doa, s.x, s.logw, z.anchor_rssi, s.errors)
+        s = s._replace(logw=logw, errors=np.where(np.isnan(error)[:, None], s.errors, _push(s.errors, error)))
     elif reads == "doa":
         doa = gradient_doa(s.world)
         s, angles = _remember(p, s, doa.measure(z.anchor_rssi))
@@ -424,8 +437,13 @@ def resample_and_estimate(p: Any, s: FilterState, heard: ReceivedPackets | None 
     s = round_to_single(p, s)
     belief, logw, due = posterior_summary(s.x, s.logw, heard)
     if p.point == "max":
-        belief = belief._replace(x=np.take_along_axis(s.x, logw.argmax(-1)[:, None, None], 1)[:, 0])
+        belief = belief._replace(x=heaviest(s.x, logw))
     return round_to_single(p, s._replace(logw=logw, due=due, belief=belief))
+
+
+def heaviest(x: Array, logw: Array) -> Array:
+    """Return the particle of largest weight of each row (r, d)."""
+    return np.take_along_axis(x, logw.argmax(-1)[:, None, None], 1)[:, 0]
 
 
 def estimate(p: Any, s: FilterState) -> Belief:

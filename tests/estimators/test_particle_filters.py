@@ -1,11 +1,13 @@
 """ARL and MRSL against the same recursion on a grid, and against each other where they must agree to the bit."""
 
+import math
 from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
 from oracles import Grid, arrival, arrival_error, corners, gradient, log_distance
+from scipy.stats import norm
 
 from cooploc.estimators import make
 from cooploc.estimators.interface import Belief, Senses, World
@@ -222,6 +224,49 @@ def wheels_and_compass(ticks=25):
         senses = Senses(u, dt, rssi.copy(), nothing[..., None], nothing[..., None], {})
         prior = Belief(np.array(start[0][:d])[None, None], np.diag(start[1][:d])[None, None])
         yield Stream("told twice", 0, np.array([0]), times, world, prior, senses, air)
+
+
+def folded_weights(particles, rssi, earlier):
+    """The loop over particles of the public code, with its names, in the paper's arena; in logarithms."""
+
+    def folded(rss):
+        gy = (rss[1] - rss[0]) / 2 + (rss[2] - rss[3]) / 2
+        gx = (rss[2] - rss[1]) / 2 + (rss[3] - rss[0]) / 2
+        return math.atan(gy / gx)
+
+    weights, errors = [], []
+    for x, y in particles:
+        actual_rss = [log_distance(math.hypot(x - a, y - b)) for a, b in corners(SIDE)]
+        errors.append(abs(folded(actual_rss) - folded(rssi)))
+        std_error = np.std(np.subtract(actual_rss, rssi))
+        weights.append(sum(norm.logpdf(error, scale=std_error) for error in (errors[-1], *earlier)))
+    return np.array(weights), errors[int(np.argmax(weights))]
+
+
+def test_the_reading_of_the_public_code_weighs_as_its_loop_does():
+    """Five ticks, with the last three best errors; the particles of a tick are around the heaviest before."""
+    _, stream = simulate("robots-1-3/n=1", trials=3, ticks=5, seed=4)
+    seen = []
+
+    def watch(method, tick, arguments, call):
+        result = call(*arguments)
+        if method in ("predict", "correct"):
+            seen.append((method, result))
+        return result
+
+    trace("code", make("arl[point=max,proposal=best,box=0.1,residual=code]"), stream, watch)
+    drawn, weighed = ([s for kind, s in seen if kind == method] for method in ("predict", "correct"))
+    for r in range(3):
+        earlier = []
+        for t in range(5):
+            rssi = stream.senses.anchor_rssi[r, t, 0]
+            logw, best = folded_weights(drawn[t].x[r], rssi, earlier)
+            found = weighed[t].logw[r]
+            np.testing.assert_allclose(found - found.max(), logw - logw.max(), rtol=1e-7, atol=1e-7)
+            earlier = [best, *earlier][:3]
+            if t < 4:
+                here = weighed[t].x[r, found.argmax()] + stream.senses.odometry[r, t + 1, 0]
+                assert (np.abs(drawn[t + 1].x[r] - here) <= 0.1 + 1e-12).all()
 
 
 KINDS = "", "anchor_reading=rssi", "anchor_reading=gradient", "density=exact,M=3", "proposal=box"
