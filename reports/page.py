@@ -63,6 +63,7 @@ def render(name: str, runs: str | Path, out: str | Path = "page.md", data: str =
     texts.globals.update(
         claims=study_numbers.claims,
         in_letter=study_numbers.in_letter,
+        in_reading=study_numbers.in_reading,
         speed=study_numbers.speed,
         links=Path(os.path.relpath(REPORTS, out.resolve().parent)).as_posix(),
         study=cache(lambda study: study_numbers.StudyRun(runs / study)),

@@ -19,10 +19,13 @@ from cooploc.analysis.report.claim_tables import over_readings
 
 FOLDER = Path(__file__).resolve().parent / "readings"
 TIMED = "cost", "time"  # kinds of claims that need the times of a quiet machine, in many parts
-MAP = "claim", "says", "supported", "specifications", "direction only", "contradicted", "undecided", "letter", "preset"
+MAP = (
+    "claim", "says", "supported", "specifications", "implausible", "direction only", "contradicted", "undecided",
+    "letter", "code", "preset",
+)  # fmt: skip
 NUMBERS = (
     "claim", "scenario", "of", "than", "definition", "value", "low", "high", "trials",
-    "verdict", "letter", "preset",
+    "verdict", "letter", "preset", "code", "error", "baseline", "odometry", "implausible",
 )  # fmt: skip
 
 
@@ -87,8 +90,12 @@ def _family(found: pd.DataFrame) -> str:
 
 def _choices(dimensions: Dimensions) -> str:
     """Return a table of the dimensions, the paper's sentence and the choices; the letter's in bold."""
-    rows = ["| dimension | the paper | choices (**nearest to the letter**, first: our preset) |", "| --- | --- | --- |"]
+    rows = [
+        "| dimension | the paper | choices (**nearest to the letter**, first: our preset, *only in public code*) |",
+        "| --- | --- | --- |",
+    ]
     for name, one in dimensions.items():
-        named = [f"**{choice}**" if choice == one.letter else choice for choice in one.choices]
+        marks = {choice: "**" if choice == one.letter else "*" * how.of_code for choice, how in one.choices.items()}
+        named = [f"{mark}{choice}{mark}" for choice, mark in marks.items()]
         rows.append(f"| {name} | {one.says.replace('|', chr(92) + '|')} | {', '.join(named)} |")
     return "\n".join(rows)

@@ -199,19 +199,28 @@ def in_letter(claim: str, scenario: str, **instead: str) -> Number:
 
     `instead` has other choices by dimension, with "_" for a space: `direction_error="one angle, wrapped"`.
     """
+    return in_reading("letter", claim, scenario, **instead)[0]
+
+
+def in_reading(end: str, claim: str, scenario: str, **instead: str) -> tuple[Number, dict[str, str]]:
+    """Return what a claim comes to in the reading `letter`, `code` or `preset`, and the errors it is made of [m].
+
+    These are those of the estimator (`error`), of the one compared with (`baseline`) and of dead reckoning (`odometry`).
+    """
     path = _of_readings("readings.csv")
     table = pd.read_csv(path, dtype={"claim": str})
-    dimensions = list(table)[list(table).index("preset") + 1 :]
+    dimensions = list(table)[list(table).index("implausible") + 1 :]
     table[dimensions] = table[dimensions].astype("object").fillna("")  # where a dimension does not bear on the claim
     of_claim = table[(table["claim"] == claim) & (table["scenario"] == scenario) & (table["definition"] == "change")]
-    letter = of_claim[of_claim["letter"].astype(bool)]
-    if letter.empty:
-        raise BadInput(f"{path}: claim {claim} has no {scenario!r} in the reading nearest to the letter")
-    wanted = {**letter.iloc[0][dimensions], **{name.replace("_", " "): choice for name, choice in instead.items()}}
+    named = of_claim[of_claim[end].astype(bool)]
+    if named.empty:
+        raise BadInput(f"{path}: claim {claim} has no {scenario!r} in the reading {end!r}")
+    wanted = {**named.iloc[0][dimensions], **{name.replace("_", " "): choice for name, choice in instead.items()}}
     found = of_claim[(of_claim[dimensions] == pd.Series(wanted)).all(axis=1)]
     if found.empty:
         raise BadInput(f"{path}: claim {claim} in {scenario!r} was not run with {instead}")
-    return Number(*found.iloc[0][["value", "low", "high"]].astype(float))
+    levels = {name: f"{found.iloc[0][name]:.2f}" for name in ("error", "baseline", "odometry")}
+    return Number(*found.iloc[0][["value", "low", "high"]].astype(float)), levels
 
 
 def speed(what: str, decimals: int | None = None) -> str:

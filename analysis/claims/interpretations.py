@@ -1,8 +1,8 @@
 """The interpretations that a vague paper allows: one choice in every dimension, applied to every method alike.
 
 A dimension is a sentence of the paper that can be read in several ways. Of all combinations a design is run: preset
-(all first choices), the paper's letter, every choice that differs from either in one dimension alone, and a covering
-array of strength two, in which every pair of choices of any two dimensions stands.
+(all first choices), the paper's letter, every choice that differs from either in one dimension alone, a covering
+array of strength two, in which every pair of choices of any two dimensions stands, and what public code does.
 
 Sources: S. Steegen, F. Tuerlinckx, A. Gelman, W. Vanpaemel, "Increasing transparency through a multiverse analysis",
 Perspectives on Psychological Science 11(5), 2016; D. Cohen et al., "The AETG system: an approach to testing based on
@@ -34,6 +34,7 @@ class Choice(LedgerTable):
     estimators: Mapping[str, str] = {}  # parameters of every estimator that has them
     scenarios: Mapping[str, str] = {}  # parameters of every scenario
     settles: Labels = ()  # dimensions that make no difference any more once this is chosen
+    of_code: bool = False  # what no sentence says, and public code does: run in the reading `code` alone
 
 
 class Dimension(LedgerTable):
@@ -42,16 +43,23 @@ class Dimension(LedgerTable):
     says: str  # the sentence, or what it leaves out
     choices: Annotated[dict[str, Choice], Field(min_length=2)]  # the first is the preset's and sets nothing
     letter: str  # the choice nearest to the sentence
+    code: str = ""  # the choice of public code of the same authors; empty where it settles nothing
     only: Labels = ()  # names of the estimators, or of the families of scenarios, that it is about; empty: all
 
     @model_validator(mode="after")
     def _has_both_ends(self) -> "Dimension":
         first = next(iter(self.choices))
-        if self.letter not in self.choices:
-            raise ValueError(f"letter is {self.letter!r}; it must be one of {', '.join(self.choices)}")
+        for end, choice in (("letter", self.letter), ("code", self.code or first)):
+            if choice not in self.choices:
+                raise ValueError(f"{end} is {choice!r}; it must be one of {', '.join(self.choices)}")
         if self.choices[first] != Choice():
             raise ValueError(f"{first!r} is its first choice, the preset's, and must set nothing: leave it empty")
         return self
+
+    @property
+    def of_paper(self) -> list[str]:
+        """The choices that the sentence allows."""
+        return [name for name, choice in self.choices.items() if not choice.of_code]
 
 
 Dimensions = Mapping[str, Dimension]
@@ -72,6 +80,12 @@ def letter(dimensions: Dimensions) -> Interpretation:
     return canonical({name: one.letter for name, one in dimensions.items()}, dimensions)
 
 
+def code(dimensions: Dimensions) -> Interpretation:
+    """Return the choice of public code wherever it settles one, else the preset's."""
+    named = {name: one.code for name, one in dimensions.items() if one.code}
+    return canonical({**preset(dimensions), **named}, dimensions)
+
+
 def find_settled(reading: Interpretation, dimensions: Dimensions) -> set[str]:
     """Return the dimensions that make no difference because of what is chosen in others."""
     return {name for dimension, choice in reading.items() for name in dimensions[dimension].choices[choice].settles}
@@ -84,10 +98,10 @@ def canonical(reading: Interpretation, dimensions: Dimensions) -> Interpretation
 
 
 def design(dimensions: Dimensions, seed: int = 0) -> list[Interpretation]:
-    """Return the interpretations that are run: preset, letter, main effects around both, and a covering array."""
+    """Return the interpretations that are run: preset, letter, main effects, a covering array, and public code's."""
     ends = [preset(dimensions), letter(dimensions)]
-    effects = [{**end, name: choice} for end in ends for name, one in dimensions.items() for choice in one.choices]
-    rows = [canonical(row, dimensions) for row in (*ends, *effects, *covering(dimensions, seed))]
+    effects = [{**end, name: choice} for end in ends for name, one in dimensions.items() for choice in one.of_paper]
+    rows = [canonical(row, dimensions) for row in (*ends, *effects, *covering(dimensions, seed), code(dimensions))]
     return [dict(row) for row in dict.fromkeys(tuple(reading.items()) for reading in rows)]
 
 
@@ -97,8 +111,8 @@ def covering(dimensions: Dimensions, seed: int = 0) -> list[Interpretation]:
     A pair is impossible where one of the two choices settles the other's dimension.
     """
     names = list(dimensions)
-    levels = [list(one.choices) for one in dimensions.values()]
-    off = [[[names.index(n) for n in choice.settles] for choice in one.choices.values()] for one in dimensions.values()]
+    levels = [one.of_paper for one in dimensions.values()]
+    off = [[[names.index(n) for n in one.choices[x].settles] for x in one.of_paper] for one in dimensions.values()]
     rng = np.random.default_rng(seed)
     open_pairs = {
         ((a, x), (b, y))

@@ -10,20 +10,23 @@ S. Steegen et al., "Increasing transparency through a multiverse analysis", 2016
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+import numpy as np
 import pandas as pd
 
 from cooploc.analysis.claims import interpretations
 from cooploc.analysis.claims.interpretations import Dimensions, Interpretation
 from cooploc.analysis.claims.kinds import KINDS, Case, cases, definitions
 from cooploc.analysis.claims.ledger import Ledger
-from cooploc.analysis.claims.trial_table import collect
+from cooploc.analysis.claims.trial_table import Missing, TrialTable, collect
 from cooploc.analysis.claims.verdicts import COLUMNS, JUDGED, judge_case, tally
 from cooploc.analysis.metrics.errors import demand_same_streams
 from cooploc.analysis.metrics.sequential import FIXED, Stopping
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.registry import parse
 
-ADDED = ("readings", "letter", "preset")
+ENDS = ("letter", "preset", "code")  # readings that have a name
+LEVELS = ("error", "baseline", "odometry")  # RMSE [m]
+ADDED = ("readings", *ENDS, *LEVELS, "implausible")
 OF_LEDGERS = ("variant", "p_holm", "stands", "otherwise", "look")  # columns of verdicts that a map does not have
 SHOWN = [name for name in COLUMNS if name not in OF_LEDGERS] + list(ADDED)
 
@@ -32,15 +35,17 @@ def judge(ledger: Ledger, rows: pd.DataFrame, stopping: Stopping = FIXED) -> pd.
     """Return one row per claim and specification that was run.
 
     Columns are those of `verdicts.judge` without those of `OF_LEDGERS`; `readings`, how many readings of the design
-    come down to this specification, and whether those of the `letter` and the `preset` do; and one for every dimension,
-    with the choice, or empty where it makes no difference. Estimators and scenarios are called as in the ledger.
+    come down to this specification, and whether those of the `letter`, the `preset` and public `code` do; the RMSE [m]
+    of the estimator (`error`), of the one compared with (`baseline`) and of dead reckoning (`odometry`), nan where not
+    run; `implausible` where the baseline is worse than dead reckoning; and one for every dimension, with the choice, or
+    empty where it makes no difference. Estimators and scenarios are called as in the ledger.
     """
     dimensions = ledger.dimensions
     if taken := [name for name in dimensions if name in (*COLUMNS, *ADDED)]:
         raise BadInput(f"dimension {taken[0]!r} is named like a column of the verdicts: rename it in the ledger")
     demand_same_streams(rows)
     table, design = collect(rows, stopping), interpretations.design(dimensions)
-    preset, letter = (design.index(end(dimensions)) for end in (interpretations.preset, interpretations.letter))
+    ends = {end: design.index(getattr(interpretations, end)(dimensions)) for end in ENDS}
     out: list[dict[str, Any]] = []
     for claim in ledger.claims:
         asked = cases(claim) if KINDS[claim.kind].judge else []
@@ -48,10 +53,26 @@ def judge(ledger: Ledger, rows: pd.DataFrame, stopping: Stopping = FIXED) -> pd.
             for read, (choices, numbers) in specifications(case, design, dimensions).items():
                 row = judge_case(read, claim, table)
                 if row["verdict"] in JUDGED:
-                    ends = {"letter": letter in numbers, "preset": preset in numbers}
                     named = _name_as_ledger(row, case, read)
-                    out.append({**row, **named, "readings": len(numbers), **ends, **choices})
+                    is_end = {end: number in numbers for end, number in ends.items()}
+                    levels = _levels(read, row, table)
+                    implausible = levels["baseline"] > levels["odometry"]
+                    added = {"readings": len(numbers), **is_end, **levels, "implausible": implausible}
+                    out.append({**row, **named, **added, **choices})
     return pd.DataFrame(out, columns=[*SHOWN, *dimensions])
+
+
+def _levels(read: Case, row: dict[str, Any], table: TrialTable) -> dict[str, float]:
+    """Return the RMSE [m] of a specification's estimators, and of dead reckoning, where its number is of."""
+    where, than = row["scenario"].split(" to ")[-1], row["than"] if row["than"] in read.than else "".join(read.than[:1])
+
+    def rmse(label: str) -> float:
+        try:
+            return float(np.sqrt(table.mse((where, label)).mean()))
+        except Missing:
+            return np.nan
+
+    return dict(zip(LEVELS, map(rmse, (read.of, than, "dead-reckoning")), strict=True))
 
 
 def dimensions_of(found: pd.DataFrame) -> list[str]:
@@ -104,7 +125,8 @@ def _name_as_ledger(row: dict[str, Any], case: Case, read: Case) -> dict[str, st
 def shares(found: pd.DataFrame) -> pd.DataFrame:
     """Return one row per claim: how many specifications there are, how many have each verdict, and a sentence.
 
-    `letter` and `preset` are the verdicts in these interpretations, `dimensions` those that make a difference.
+    `implausible` counts those whose baseline is worse than dead reckoning, which the verdicts count, too; `letter`,
+    `preset` and `code` are the verdicts in these interpretations, `dimensions` those that make a difference.
     """
     out = []
     for claim, part in found.groupby("claim", sort=False):
@@ -115,13 +137,14 @@ def shares(found: pd.DataFrame) -> pd.DataFrame:
                 "says": part["says"].iloc[0],
                 "scenarios": ", ".join(dict.fromkeys(part["scenario"])),
                 "specifications": len(part),
+                "implausible": int(part["implausible"].sum()),
                 **{verdict: int(counts.get(verdict, 0)) for verdict in JUDGED},
-                **{end: tally(part.loc[part[end], "verdict"]) for end in ("letter", "preset")},
+                **{end: tally(part.loc[part[end], "verdict"]) for end in ENDS},
                 "dimensions": ", ".join(dimensions),
                 "sentence": shared_assumptions(part, dimensions),
             }
         )
-    columns = ["claim", "says", "scenarios", "specifications", *JUDGED, "letter", "preset", "dimensions", "sentence"]
+    columns = ["claim", "says", "scenarios", "specifications", "implausible", *JUDGED, *ENDS, "dimensions", "sentence"]
     return pd.DataFrame(out, columns=columns)
 
 

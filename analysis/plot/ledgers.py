@@ -79,7 +79,12 @@ def claims(verdicts: pd.DataFrame, variant: str = BASE, ax: Axes | None = None) 
 
 # ------------------------------------------------------------------------------------------------ the map
 
-TRIANGLES = {"letter": ("v", 1.3, "the paper's letter"), "preset": ("^", -0.3, "our preset")}  # marker, y, name
+NAMED = {  # reading -> marker, y, name
+    "letter": ("v", 1.3, "the paper's letter"),
+    "code": ("D", 1.3, "public code"),
+    "preset": ("^", -0.3, "our preset"),
+}
+PALE = 0.25  # of readings in which the baseline is worse than dead reckoning
 STRIP, LINE = 0.55, 0.42  # heights of a row's marks and of a line of text, in units of the y axis
 WIDTH, LETTERS = 4.2, 52  # of the figure [in], and of a line of text
 MOST = 1.5  # changes beyond are drawn at the edge
@@ -89,7 +94,7 @@ def readings(found: pd.DataFrame, ax: Axes | None = None) -> Axes:
     """Draw the claims of `cl.readings` that name a size: the claimed one, every specification's, how many support it.
 
     Changes of the error, in per cent; below them, where levels are claimed too, the RMSE in m in axes of their own. On
-    `ax` only the changes are drawn.
+    `ax` only the changes are drawn. Pale: readings in which the baseline is worse than dead reckoning.
     """
     sized = found[found["size"].notna() & found["value"].notna()]
     changes, levels = sized[sized["kind"].isin(RELATIVE)], sized[sized["kind"] == "level"]
@@ -112,7 +117,7 @@ def readings(found: pd.DataFrame, ax: Axes | None = None) -> Axes:
             strip, height = [(0, 2 * low - 1), (0, 2 * high - 1)], 4 if 0 < low < high < 1 else 11
             handles += axes[-1].plot([], [], marker=strip, color=mark.colour, ls="", ms=height, mew=2, label=verdict)
     handles += axes[-1].plot([], [], marker="|", color=CLAIMED, ls="", ms=10, mew=3, label="claimed")
-    for marker, _, name in TRIANGLES.values():
+    for marker, _, name in NAMED.values():
         handles += axes[-1].plot([], [], marker, mec="0.4", mfc="0.4", ms=5, label=name)
     below: Any = {"loc": "outside lower center", "ncols": 3, "frameon": False, "fontsize": 7.5, "handletextpad": 0.3}
     cast(Any, axes[-1].figure).legend(handles=handles, **below)
@@ -120,7 +125,7 @@ def readings(found: pd.DataFrame, ax: Axes | None = None) -> Axes:
 
 
 def _draw_map(ax: Axes, part: pd.DataFrame, levels: bool) -> None:
-    """Draw a strip per claim, from the top: its specifications, each claimed size, and the two ends of the design.
+    """Draw a strip per claim, from the top: its specifications, each claimed size, and the readings that have a name.
 
     Numbers beyond the axis stand at its edge.
     """
@@ -137,11 +142,14 @@ def _draw_map(ax: Axes, part: pd.DataFrame, levels: bool) -> None:
         ax.axhspan(y, y + STRIP, color="0.955", lw=0, zorder=0)
         for verdict, mark in VERDICTS.items():
             low, high = (y + STRIP * end for end in mark.strip)
-            ax.vlines(rows.loc[rows["verdict"] == verdict, "value"], low, high, color=mark.colour, lw=1, alpha=0.8)
+            of_verdict = rows[rows["verdict"] == verdict]
+            pale = of_verdict["implausible"].eq(True)
+            for some, alpha in ((of_verdict[pale], PALE), (of_verdict[~pale], 0.8)):
+                ax.vlines(some["value"], low, high, color=mark.colour, lw=1, alpha=alpha)
         for number in rows["size"].unique():
             ax.vlines(unit * number, y - 0.06, y + STRIP + 0.06, color=CLAIMED, lw=2.5)
-        for end, (marker, height, _) in TRIANGLES.items():
-            for row in rows[rows[end]].to_dict("records"):
+        for end, (marker, height, _) in NAMED.items():
+            for row in rows[rows[end].eq(True)].to_dict("records"):
                 mark = VERDICTS[row["verdict"]]
                 ax.plot(row["value"], y + STRIP * height, marker, mec=mark.colour, mfc=mark.face, ms=5, mew=1)
         held = f"{(rows['verdict'] == 'supported').sum()} of {len(rows)}"
@@ -164,7 +172,7 @@ def _wrap(claim: Any, says: Any) -> list[str]:
 # ------------------------------------------------------------------------------------------------ the curve
 
 CASE = {"scenario": "scenario", "of": "estimator", "than": "against"}  # column -> head of its rows
-ENDS = {"letter": "0.1", "preset": "0.5"}  # column -> colour of its lines
+ENDS = {"letter": "0.1", "code": "0.3", "preset": "0.5"}  # column -> colour of its lines
 ANEES = 0.1, 1e4  # values beyond are drawn at the edge
 QUANTITIES = {"level": "RMSE [m]", "slope": "exponent", "time": "time [s]", "consistency": "ANEES"}
 WIDE, CURVE, ROW = 8.0, 2.6, 0.155  # of the figure, and heights of the curve and of a row of the matrix [in]
@@ -173,8 +181,8 @@ WIDE, CURVE, ROW = 8.0, 2.6, 0.155  # of the figure, and heights of the curve an
 def specification_curve(found: pd.DataFrame, claim: str, definition: str = "") -> Axes:
     """Draw a claim's number in every specification of `cl.readings`, sorted, and the choices of each as a matrix.
 
-    Dotted lines mark the specifications of the paper's letter and of the preset. `definition` of the size is change or
-    ratio; the first that the claim has where not given. The axes of the curve are returned; the matrix stands below.
+    Dotted lines mark the specifications of the paper's letter, of public code and of the preset. `definition` of the
+    size is change or ratio; the first that the claim has where not given. The axes of the curve are returned; the matrix stands below.
     """
     part = found[(found["claim"] == claim) & found["value"].notna()].sort_values("value", kind="stable")
     if part.empty:
@@ -196,7 +204,7 @@ def specification_curve(found: pd.DataFrame, claim: str, definition: str = "") -
     _draw_matrix(axes[1], part, rows)
     for ax in axes:
         for end, colour in ENDS.items():
-            for x in np.flatnonzero(part[end]).tolist():
+            for x in np.flatnonzero(part[end].eq(True)).tolist():
                 ax.axvline(x, color=colour, lw=0.8, ls=style.DOTTED, zorder=0)
                 if ax is axes[0]:
                     place: Any = {"xycoords": ("data", "axes fraction"), "rotation": 90, "ha": "right", "va": "top"}

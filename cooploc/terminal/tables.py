@@ -282,7 +282,8 @@ def show_interpretations(found: pd.DataFrame) -> None:
         console.print(f" {row['claim']}. {row['says']}: {row['sentence']}.")
     console.print(
         "A specification is a case (scenario, estimators, definition of the size) in a reading of the paper; what "
-        "runs the same counts once. letter: the reading nearest to the words of the paper.",
+        "runs the same counts once. letter: the reading nearest to the words of the paper; code: what public code "
+        "of its authors does. implausible: the method compared with is worse than dead reckoning.",
         style="dim",
     )
 

@@ -85,6 +85,20 @@ def test_equal_specifications_count_once_and_say_which_dimensions_matter():
     assert found["letter"].sum() == found["preset"].sum() == 1
 
 
+def test_a_reading_whose_baseline_is_worse_than_dead_reckoning_is_implausible():
+    """ARL errs by 1.0 m, in the box by 2.0 m; dead reckoning by 1.5 m."""
+
+    def level(label, one):
+        return {"dead-reckoning": 1.5, "mrsl-rssi": 0.5}.get(label, 2.0 if one["sampling"] == "box" else 1.0)
+
+    asked = ledger()
+    found = cl.readings(made(asked, level, ("arl", "mrsl-rssi", "dead-reckoning")), asked)
+    assert ((found["sampling"] == "box") == found["implausible"]).all()
+    np.testing.assert_allclose(found["error"] / 0.5, found["odometry"] / 1.5, rtol=0.2)
+    (row,) = multiverse.shares(found).to_dict("records")
+    assert 0 < row["implausible"] == found["implausible"].sum() < row["specifications"]
+
+
 def test_a_dimension_of_one_method_is_read_in_its_claims():
     choices = {"range": {}, "RSSI": {"estimators": {"reading": "rssi"}}}
     measures = {"says": "?", "letter": "range", "only": "ctrn", "choices": choices}
