@@ -205,7 +205,7 @@ def in_letter(claim: str, scenario: str, **instead: str) -> Number:
 def in_reading(end: str, claim: str, scenario: str, **instead: str) -> tuple[Number, dict[str, str]]:
     """Return what a claim comes to in the reading `letter`, `code` or `preset`, and the errors it is made of [m].
 
-    These are those of the estimator (`error`), of the one compared with (`baseline`) and of dead reckoning (`odometry`).
+    These are of the estimator (`error`), of the one compared with (`baseline`) and of dead reckoning (`odometry`).
     """
     path = _of_readings("readings.csv")
     table = pd.read_csv(path, dtype={"claim": str})

@@ -182,7 +182,8 @@ def specification_curve(found: pd.DataFrame, claim: str, definition: str = "") -
     """Draw a claim's number in every specification of `cl.readings`, sorted, and the choices of each as a matrix.
 
     Dotted lines mark the specifications of the paper's letter, of public code and of the preset. `definition` of the
-    size is change or ratio; the first that the claim has where not given. The axes of the curve are returned; the matrix stands below.
+    size is change or ratio; the first that the claim has where not given. The axes of the curve are returned; the
+    matrix stands below.
     """
     part = found[(found["claim"] == claim) & found["value"].notna()].sort_values("value", kind="stable")
     if part.empty:
