@@ -1,18 +1,16 @@
-"""Checks of a recording: gaps, units, clocks, frames, scales, impossible positions, and readings against the truth.
+"""Checks of a recording: gaps, units, clocks, impossible positions, frames, and readings against the truth.
 
 Units come first, as they need neither clocks nor frames: the speed of a robot is a number that no shift of a clock,
-turn or mirroring of a frame changes. Then clocks; then frames and headings; then factors. A finding is reported, never
-applied: it comes from the truth, which would otherwise reach the estimators that are judged by that same truth.
+turn or mirroring of a frame changes. Then clocks; then frames and headings. A finding is reported, never applied: it
+comes from the truth, which would otherwise reach the estimators that are judged by that same truth.
 """
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
-from scipy.stats import theilslopes
 
 from cooploc.estimators.interface import Array, Mask
 from cooploc.estimators.models import wrap
@@ -35,24 +33,21 @@ from cooploc.scenarios.recordings.inspect.motion import (
     robot_motion,
     robust_sd,
     robust_slope,
-    shift_that_fits,
     take_rows,
     true_turns,
 )
-from cooploc.scenarios.recordings.team_log import Channel, ReadingSeries, Series, TeamLog, fixed_places, other_names
+from cooploc.scenarios.recordings.team_log import Channel, ReadingSeries, Series, TeamLog, other_names
 
-FOR_ALL_ROBOTS = ("unit", "degrees", "radians", "clock", "axes", "mirrored")  # kinds whose setting is for every robot
 Values = TypeVar("Values", Series, ReadingSeries)
 
 
 class Finding(NamedTuple):
     """A fact about a recording that is odd, its place, and the setting of log.toml that would correct it.
 
-    Kinds: unit, degrees, radians (read as another unit), clock (stamps with an offset), robots (files or names of two
-    were exchanged), axes (x and y exchanged), mirrored (left is right), frame (turned against odometry's), heading
-    (clockwise, or with an offset), turn sign (positive to the right), scale (odometry too long or short), speed (that
-    no ground robot reaches), jump (away and back), stale (positions that repeat), outside (of the arena), gap, span
-    (begins late or ends early), bias (of ranges), bearing, rssi and dropped (what could not be read).
+    Kinds: unit, degrees, radians (read as another unit), clock (stamps with an offset), robots (truths of two were
+    exchanged), axes (x and y exchanged), mirrored (left is right), frame (turned), heading (clockwise, or with an
+    offset), turn sign (positive to the right), jump (away and back), stale (positions that repeat), gap, span (begins
+    late or ends early), bias (of ranges), bearing and dropped (what could not be read).
     """
 
     kind: str
@@ -96,7 +91,7 @@ class CheckedLog:
         self.log = self.log._replace(**changed)
 
 
-def check_recording(log: TeamLog, arena: Array | None = None) -> CheckedLog:
+def check_recording(log: TeamLog) -> CheckedLog:
     """Find everything odd about a recording, in an order in which no fault hides the next."""
     c = CheckedLog(log)
     for warning in log.warnings:  # such as a last line that was cut off
@@ -107,21 +102,14 @@ def check_recording(log: TeamLog, arena: Array | None = None) -> CheckedLog:
             for i in range(len(log.robots)):
                 check(c, i)
 
-    check_turns = check_compass_frame if log.odometry_kind == "displacement" else check_frame
     check_gaps(c)
     check_robots(check_lengths, check_heading_unit, check_turn_unit)
     check_clocks(c)
     check_robots(check_stale, check_jumps)
     check_range_units(c)
-    check_robots(check_turns, check_scales)
-    for check in (check_names, check_reading_clocks, check_biases, check_bearings, check_rssi):
+    check_robots(check_compass_frame if log.odometry_kind == "displacement" else check_frame)
+    for check in (check_reading_clocks, check_biases, check_bearings):
         check(c)
-    check_arena(c, arena)
-    for k, f in enumerate(c.findings):
-        alike = {g.robot for g in c.findings if (g.kind, g.table) == (f.kind, f.table)}
-        if f.robot and len(alike) < len(log.robots) and f.kind in FOR_ALL_ROBOTS:
-            remark = f"; it is for all robots, so correct {Path(f.source).name} where the others are right"
-            c.findings[k] = f._replace(setting=f.setting + remark)
     return c
 
 
@@ -193,10 +181,6 @@ def check_lengths(c: CheckedLog, i: int) -> None:
             c.add("unit", i, series.source, fact, sure, f'unit = "{unit[1]}"', table, names)
             c.correct(table, i, divide_columns(series, unit[2], columns))
             return
-    for table, _, speed, _, _, series, (_, names) in sides:
-        if speed > FASTEST:
-            fact = f"it moves at {speed:.3g} m/s (third quartile), ground robots at {FASTEST:g} m/s at most"
-            c.add("speed", i, series.source, fact, "likely", 'unit = "mm"', table, names)
 
 
 def check_heading_unit(c: CheckedLog, i: int) -> None:
@@ -439,27 +423,6 @@ def check_jumps(c: CheckedLog, i: int) -> None:
         c.correct("truth", i, truth._replace(time=t[kept], values=truth.values[kept]))
 
 
-def check_arena(c: CheckedLog, arena: Array | None) -> None:
-    """Find positions outside the arena (2, 2) [m], or, where that is not stated, far outside of all fixed things."""
-    margin, name = 0.0, "the arena"
-    if arena is None:
-        places = np.concatenate([c.log.anchors.positions, c.log.landmarks.positions])
-        places = places[np.isfinite(places).all(axis=1)]
-        if len(places) < 3:
-            return
-        arena, name = np.array([places.min(axis=0), places.max(axis=0)]), "all anchors and landmarks"
-        margin = float(np.ptp(places, axis=0).max())
-    for i in range(len(c.log.robots)):
-        if (truth := known_truth(c.log, i)) is None:
-            continue
-        beyond = np.maximum(arena[0] - truth.values[:, :2], truth.values[:, :2] - arena[1]).max(axis=1)
-        share = float((beyond > margin + 0.05 * np.ptp(arena, axis=0).max()).mean())
-        if share > 0.01:
-            fact = f"{share:.0%} of the positions are outside {name}, by up to {beyond.max():.3g} m"
-            setting = "arena = its corners, or the unit of x and y in [truth]"
-            c.add("outside", i, truth.source, fact, "likely" if margin else "sure", setting, "", ("arena",))
-
-
 # --- Frames
 # Three sources tell a robot's turns: the direction of its true moves (its course), its true heading, and its odometry.
 # A mirror (x and y exchanged is one) reverses the first; a heading counted clockwise the second; a turn rate of the
@@ -467,7 +430,6 @@ def check_arena(c: CheckedLog, arena: Array | None) -> None:
 
 FOLLOWS = 0.6  # mean resultant length from which one direction follows another
 OFFSET = 0.3  # [rad] of a heading against the direction of motion; a slip or an arc is less
-BESIDE = 0.3  # [m] a smaller shift is noise or bias of ranges
 SIGN = 6.0  # standard errors of a slope below zero from which a sign is wrong
 BACK = "turn the positions back in the files"
 MIRRORS = {  # by eighths of a turn
@@ -544,7 +506,7 @@ def check_compass_frame(c: CheckedLog, i: int) -> None:
 
 
 def _add_mirror(c: CheckedLog, i: int, mirror: float, fact: str, sure: str) -> None:
-    """Report positions mirrored in a line at half of `mirror` [rad], and reflect them where ranges fit best."""
+    """Report positions mirrored in a line at half of `mirror` [rad], and reflect them."""
     line = f"in a line at {np.degrees(mirror) / 2:.0f} deg"
     kind, words, setting = MIRRORS.get(int(np.rint(mirror / (np.pi / 4))), ("mirrored", line, BACK))
     truth = robot_motion(c.log, i).poses
@@ -552,32 +514,8 @@ def _add_mirror(c: CheckedLog, i: int, mirror: float, fact: str, sure: str) -> N
     values = truth.values.copy()
     values[:, :2] = values[:, :2] @ np.array([[cosine, sine], [sine, -cosine]])
     c.correct("truth", i, truth._replace(values=values))
-    shift = shift_that_fits(c.log, i)
-    if shift is not None and np.hypot(*shift) >= BESIDE:
-        values[:, :2] += shift
-        words += f"; ranges then ask for a shift by {shift[0]:+.2f}, {shift[1]:+.2f} m"
     columns = ("x", "y") if setting == BACK else ()
     c.add(kind, i, truth.source, f"{fact}: {words}", sure, setting, "truth", columns)
-
-
-# --- Scales
-
-MOST_SCALE = 1.2  # a factor beyond it, or below its inverse, is reported; wheels are rarely calibrated better than 5 %
-
-
-def check_scales(c: CheckedLog, i: int) -> None:
-    """Compare lengths and turns of odometry with those of the truth, by least absolute deviations."""
-    measured, true = robot_motion(c.log, i).common_steps()
-    if len(measured.turn) < 9 or not moves(c.log, i):
-        return
-    drives = ("drives", "length_scale", true.length, np.abs(measured.length))
-    for verb, key, x, y in (drives, ("turns", "turn_scale", true_turns(true), measured.turn)):
-        slope, error = robust_slope(x, y)
-        b = abs(slope)
-        too_large, too_small = b > MOST_SCALE + EVIDENCE * error, 0 < b < 1 / MOST_SCALE - EVIDENCE * error
-        if np.nansum(np.abs(x)) >= 1.0 and (too_large or too_small):  # it moved a metre, or turned a radian, in all
-            fact = f"odometry {verb} {b:.3g} times as far as the truth (standard error {error:.2g})"
-            c.add("scale", i, c.log.odometry[i].source, fact, "likely", f"{key} = {1 / b:.3g}", "model")
 
 
 # --- Readings
@@ -594,43 +532,6 @@ def check_range_units(c: CheckedLog) -> None:
             fact, setting = f"ranges are {ratio:.3g} times the distances", f'unit = "{unit[1]}"'
             c.add("unit", None, readings.source, fact, "sure", setting, TABLES[channel], ("range",))
             c.correct(channel, None, divide_columns(readings, unit[2], (0,)))
-
-
-def check_names(c: CheckedLog) -> None:
-    """Find readings whose numbers fit another robot, landmark or anchor than the one they name."""
-    for channel, readings in range_channels(c.log):
-        other, changes, names = readings.other.copy(), [], other_names(c.log, channel)
-        for i in np.unique(readings.robot).tolist():
-            for named, fitting in _find_renamed(c.log, channel, readings, i).items():
-                other[(readings.robot == i) & (readings.other == named)] = fitting
-                changes.append(f"{c.log.robots[i]}: {names[named]} is {names[fitting]}")
-        if changes:
-            fact = "ranges fit the distances of other names: " + ", ".join(changes)
-            setting = 'nodes = { "name in the file" = "name here" }'
-            c.add("robots", None, readings.source, fact, "likely", setting, TABLES[channel], ("nodes",))
-            c.correct(channel, None, readings._replace(other=other))
-
-
-def _find_renamed(log: TeamLog, channel: Channel, readings: ReadingSeries, i: int) -> dict[int, int]:
-    """Map a named other to the one that the ranges of robot i fit, if that is another, and fits three times as well."""
-    named = np.unique(readings.other[readings.robot == i])
-    mutual = fixed_places(log, channel) is None
-    candidates = [k for k in range(len(other_names(log, channel))) if not (mutual and k == i)]
-    misfit = np.full((len(named), len(candidates)), np.inf)
-    for row, k in enumerate(named):
-        rows = np.flatnonzero((readings.robot == i) & (readings.other == k))
-        some = take_rows(readings, rows[:: max(1, len(rows) // 500)])
-        for column, candidate in enumerate(candidates):
-            here, there = ends(log, channel, some._replace(other=np.full(len(some.time), candidate)))
-            residual = some.values[:, 0] - np.hypot(*(there - here[:, :2]).T)
-            if np.isfinite(residual).sum() >= FEWEST:
-                misfit[row, column] = quantile(np.abs(residual - quantile(residual, 0.5)), 0.5)
-    found = {
-        int(named[r]): candidates[k]
-        for r, k in zip(*linear_sum_assignment(np.where(np.isfinite(misfit), misfit, 1e6)), strict=True)
-        if named[r] != candidates[k] and misfit[r, k] < misfit[r, candidates.index(named[r])] / 3 < np.inf
-    }
-    return found if set(found) == set(found.values()) else {}  # an exchange needs both; a landmark misread at times not
 
 
 def check_reading_clocks(c: CheckedLog) -> None:
@@ -686,8 +587,6 @@ def check_biases(c: CheckedLog) -> None:
 
 
 CAMERA_OFFSET = 0.15  # [rad] of a camera against straight ahead
-DECAY = (0.8, 8.0)  # path-loss exponents from free space with reflections to a building
-MOST = 700  # samples: pairs of samples grow with the square
 
 
 def check_bearings(c: CheckedLog) -> None:
@@ -717,25 +616,3 @@ def check_bearings(c: CheckedLog) -> None:
             degrees = np.degrees(offset)
             fact = f"bearings are {degrees:+.0f} deg from the true directions (agreement {follows:.2f})"
             c.add("bearing", None, readings.source, fact, "likely", f"subtract {degrees:.0f} deg in the files", *place)
-
-
-def check_rssi(c: CheckedLog) -> None:
-    """Find signal strength that rises with the distance, or is not in dBm."""
-    for channel, readings in c.log.readings.items():
-        if not channel.endswith("rssi") or len(readings.time) < 50:
-            continue
-        rssi, distance = readings.values[:, 0], distances(c.log, channel, readings)
-        known = np.flatnonzero(np.isfinite(rssi) & np.isfinite(distance))
-        known = known[:: max(1, len(known) // MOST)]
-        middle, sure, fact = quantile(rssi, 0.5), "likely", ""
-        if middle > 0:
-            fact = f"signal strengths are above 0 (median {middle:.3g}): dBm without their sign, or a share"
-            sure = "sure"
-        elif len(known) >= 50 and np.ptp(np.log10(distance[known])) >= 0.3:
-            fit = theilslopes(rssi[known], -10 * np.log10(distance[known]))
-            if fit.high_slope < 0 or not DECAY[0] < fit.high_slope or fit.low_slope > DECAY[1]:
-                fact = f"signal strength falls by {10 * fit.slope:.1f} dB where the distance is ten times as long (eta "
-                fact += f"{fit.slope:.2f}, 95 % from {fit.low_slope:.2f} to {fit.high_slope:.2f}); 1.5 to 6 is usual"
-        if fact:
-            setting = "write dBm, which are below 0, into the files"
-            c.add("rssi", None, readings.source, fact, sure, setting, "rssi", ("rssi",))

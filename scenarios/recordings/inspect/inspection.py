@@ -83,7 +83,7 @@ def inspect_recording(path: Path, run: str = "", again: bool = False) -> Inspect
         draft = draft._replace(entries=entries, unused=unused)
         description = schema.parse(home, draft.text())
         log = of_format.read_run(data, places[name], name, description)
-    checked = check_recording(log, None if description.arena is None else np.array(description.arena, float))
+    checked = check_recording(log)
     findings = tuple(checked.findings)
     if stated:
         try:

@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from scipy.optimize import least_squares
 from scipy.stats import median_abs_deviation
 
 from cooploc.estimators.interface import Array, Indices
@@ -257,31 +256,3 @@ def pairs(readings: ReadingSeries, channel: Channel) -> Iterator[tuple[int, int,
 def take_rows(readings: ReadingSeries, rows: Indices | slice) -> ReadingSeries:
     """Return some of the readings."""
     return readings._replace(**{name: getattr(readings, name)[rows] for name in ("time", "robot", "other", "values")})
-
-
-def shift_that_fits(log: TeamLog, i: int) -> Array | None:
-    """Return the shift (2,) [m] of robot i's true positions that its ranges fit best; None if it has too few.
-
-    Least squares with a loss that spares outliers; a bias is fitted as well, as it must not look like a shift.
-    """
-    deltas, ranges = [np.empty((0, 2))], [np.empty(0)]
-    for channel, readings in range_channels(log):
-        own = take_rows(readings, np.flatnonzero(readings.robot == i))
-        here, there = ends(log, channel, own)
-        deltas.append(there - here[:, :2])
-        ranges.append(own.values[:, 0])
-    delta, measured = np.concatenate(deltas), np.concatenate(ranges)
-    known = np.flatnonzero(np.isfinite(delta).all(axis=1) & np.isfinite(measured))
-    if len(known) < FEWEST:
-        return None
-    known = known[:: max(1, len(known) // 400)]
-    delta, measured = delta[known], measured[known]
-    middle, reach = delta.mean(axis=0), float(np.median(measured))
-    around = [middle + reach * np.array([np.cos(a), np.sin(a)]) for a in np.arange(4) * np.pi / 2]
-
-    def residuals(guess: Array) -> Array:  # x, y of the shift, and the bias
-        return np.asarray(np.hypot(*(delta - guess[:2]).T) + guess[2] - measured)
-
-    starts = [np.append(start, 0.0) for start in (np.zeros(2), middle, *around)]
-    fits = [least_squares(residuals, start, loss="soft_l1", f_scale=0.3) for start in starts]
-    return np.asarray(min(fits, key=lambda fit: float(fit.cost)).x[:2])
