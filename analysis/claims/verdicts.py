@@ -54,7 +54,7 @@ COLUMNS = {
     "p": "of the verdict, by the test that its interval inverts: at most 0.05 where decided",
     "p_holm": "p, adjusted by Holm over all judged cases of the ledger",
     "stands": "whether the verdict is decided and p_holm is at most 0.05",
-    "otherwise": "the verdict by another definition of the size, with the size as a change",
+    "otherwise": "the verdict by another definition of the size, with the size as a change, or by other sizes [m]",
     "needed": "trials that would decide, where undecided",
     "remark": "what is missing, over-confident, over-wide, failed, centralised, or rarely far worse than usual",
     "look": "trials after which a run until decided reached the verdict, or last looked; 0 of another run",
@@ -105,6 +105,9 @@ def judge_claim(claim: Claim, table: TrialTable) -> list[dict[str, object]]:
         first, *others = (judge_case(case._replace(definition=d), claim, table) for d in definitions(claim))
         others = [row for row in others if row["verdict"] in JUDGED]
         said = [f"as a {row['definition']} ({change(row['size'])}): {row['verdict']}" for row in others]
+        for size in claim.also if first["verdict"] in JUDGED else ():
+            row = judge_case(case, claim.model_copy(update={"size": size}), table)
+            said.append(f"up to {size:g} m: {row['verdict']}")
         out.append({**first, "otherwise": "; ".join(said)})
     return out
 

@@ -250,6 +250,18 @@ def test_a_false_verdict_comes_at_most_once_in_twenty(claim, level, false):
     assert wrong < 0.05 + 3 * np.sqrt(0.05 * 0.95 / len(REPEATED))
 
 
+def test_a_level_says_how_the_verdict_moves_with_what_is_asked():
+    found = verdict(errors({"s": {"a": 1.4, "b": 1.0}}), kind="level", of="a", scenarios="s", size=1.0, also=[1.2, 2.0])
+    assert (found["verdict"], found["otherwise"]) == ("contradicted", "up to 1.2 m: contradicted; up to 2 m: supported")
+
+
+@pytest.mark.parametrize(("size", "expected"), [(1.0, "supported"), (5e-4, "undecided")])
+def test_a_time_far_below_what_is_asked_needs_no_interval(size, expected):
+    """One part has no interval; a tenth of the second is far enough, a fifth is not."""
+    table = errors({"s": {"a": 1.0, "b": 1.0}}).assign(seconds=1e-4)
+    assert verdict(table, kind="time", of="a", scenarios="s", size=size)["verdict"] == expected
+
+
 def test_a_variant_replaces_all_scenarios_of_a_claim_or_none():
     content = {
         "paper": "p",
@@ -307,7 +319,7 @@ def test_a_ledger_that_is_not_there_or_not_toml_is_refused(tmp_path):
 
 def test_the_papers_ledger_names_what_exists():
     made = load()
-    assert {claim.id.rstrip("bc") for claim in made.claims} == {str(k) for k in range(1, 24)}
+    assert {claim.id.rstrip("bc") for claim in made.claims} == {str(k) for k in range(1, 26)}
     for claim in made.claims:
         assert claim.quote
         for _, read_ in variants(claim, made):
