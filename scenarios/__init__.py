@@ -124,8 +124,7 @@ def simulate(
             stream's hash: rows with other assumptions are not paired.
         data: the directory of a recording.
         overrides: parameters of the scenario; they become part of its label. Every scenario has `team_priors=True`,
-            which tells every robot everyone's prior (the channel "team_prior", `cl.priors_of`), and
-            `short_ranges="refused"`, which leaves ranges below 0.2 m out.
+            which tells every robot everyone's prior (the channel "team_prior", `cl.priors_of`).
 
     Raises:
         BadInput: anything unknown, out of bounds, or missing; one line that says what to do.

@@ -3,14 +3,8 @@
 A model is a pydantic class of parameters that satisfies `Scenario`. A label is read once, into a `ResolvedScenario`,
 which is passed on instead.
 
-The label of any scenario takes two options besides the parameters of its world. Both act on the stream, so they are the
-same for every estimator, and a stream without them keeps its bits:
-
-    trajectory[team_priors=true]         every robot knows the priors of all: the channel "team_prior"
-    camera/n=3[short_ranges=refused]     ranges below 0.2 m, and sightings with one, are left out of the stream
-
-The shipped models refuse short ranges themselves, so estimates are the same where the stream refuses them first; the
-bytes that a centralised estimator uploads are fewer.
+The label of any scenario takes one option besides the parameters of its world: in `trajectory[team_priors=true]` every
+robot knows the priors of all, by the channel "team_prior".
 """
 
 import os
@@ -22,14 +16,13 @@ from dataclasses import dataclass, field, replace
 from itertools import islice
 from operator import index
 from pathlib import Path
-from typing import Any, Literal, Protocol
+from typing import Any, Protocol
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ValidationError
 
-from cooploc.estimators.adapters import drop_short
 from cooploc.estimators.errors import BadInput, first_reason, nearest
-from cooploc.estimators.interface import TEAM_PRIOR, Array, World
+from cooploc.estimators.interface import TEAM_PRIOR, World
 from cooploc.estimators.registry import load_object
 from cooploc.scenarios.stream import Stream, Truth
 
@@ -90,42 +83,22 @@ class Family:
 
 
 class StreamOptions(BaseModel):
-    """Two options of any label that act on its stream."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    """The option of any label that acts on its stream."""
 
     team_priors: bool = False
-    short_ranges: Literal["kept", "refused"] = "kept"
-
-    def apply(self, truth: Truth, stream: Stream) -> tuple[Truth, Stream]:
-        """Return truth and stream with both options applied."""
-        arrays, changed = stream.arrays(), dict[str, Array]()
-        if self.short_ranges == "refused":
-            for name in ("senses.landmark", "senses.sighting"):
-                changed[name] = drop_short(arrays[name], arrays[name][..., :1])
-            for name in [name for name in ("air.range", "extra.anchor_range") if name in arrays]:
-                changed[name] = drop_short(arrays[name], arrays[name])
-        if self.team_priors:
-            x, P = stream.prior  # of each robot, in every tick, everyone's x and P; one copy for all ticks
-            flat = np.concatenate([x, P.reshape(*x.shape[:-1], -1)], -1)[:, None, None]
-            shape = len(x), len(stream.time), stream.robots, *flat.shape[-2:]
-            changed[f"extra.{TEAM_PRIOR}"] = np.broadcast_to(flat, shape)  # (t, T, n, n, d + d d)
-        if not changed:
-            return truth, stream
-        stream = stream.replace_arrays(changed)
-        return replace(truth, origin=stream.hashes), stream
 
 
-def split_options(parameters: Mapping[str, Any], own: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Divide options into those of a model, whose fields are `own`, and those of `StreamOptions`."""
-    options = {key: value for key, value in parameters.items() if key in StreamOptions.model_fields and key not in own}
-    return {key: value for key, value in parameters.items() if key not in options}, options
+def add_team_priors(truth: Truth, stream: Stream) -> tuple[Truth, Stream]:
+    """Return truth and stream with a channel (t, T, n, n, d + d d): in every tick, everyone's x and P."""
+    x, P = stream.prior
+    flat = np.concatenate([x, P.reshape(*x.shape[:-1], -1)], -1)[:, None, None]
+    shape = len(x), len(stream.time), stream.robots, *flat.shape[-2:]
+    stream = stream.replace_arrays({f"extra.{TEAM_PRIOR}": np.broadcast_to(flat, shape)})  # one copy for all ticks
+    return replace(truth, origin=stream.hashes), stream
 
 
 MOST_TRIALS = 1_000_000  # of one call
-# Bytes per tick and pair of robots (measured): of every trial, of one trial alone, which is not copied, and more while
-# one is drawn.
-KEPT, ALONE, DRAWN = 34, 28, 80
+KEPT, DRAWN = 34, 80  # bytes per tick and pair of robots (measured): of every trial, and more while one is drawn
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,13 +171,12 @@ class ResolvedScenario:
         model = self._model_of(numbers)
         self.require_memory(len(numbers))
         world = self._assume(model.world(), numbers) if self.assumed else model.world()
-        return self.options.apply(*model.simulate(self.label, numbers, seed, world))
+        truth, stream = model.simulate(self.label, numbers, seed, world)
+        return add_team_priors(truth, stream) if self.options.team_priors else (truth, stream)
 
     def require_memory(self, trials: int) -> None:
         """Refuse so many trials at once of a simulation, if this machine or container has not the memory for them."""
-        at_once = getattr(self.model, "at_once", None)  # ticks that are drawn together
-        kept = ALONE if trials == 1 and at_once else KEPT * trials
-        needed = self.robots**2 * (self.ticks * kept + (at_once or self.ticks) * DRAWN)
+        needed = self.robots**2 * self.ticks * (KEPT * trials + DRAWN)
         there = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
         with suppress(OSError, ValueError):  # no container, or one without a limit
             there = min(there, int(Path("/sys/fs/cgroup/memory.max").read_text()))
@@ -238,16 +210,13 @@ def build_scenario(
 ) -> ResolvedScenario:
     """Build a family's scenario with these parameters, whose team assumes other values of some."""
     cls = family.model_class(name)
-    own, said = split_options(parameters, cls.model_fields)
-    for key in own:
-        if key not in cls.model_fields:
-            known = [*cls.model_fields, *StreamOptions.model_fields]
-            raise BadInput(f"scenario {name!r} has no parameter {key!r}; {nearest(key, known)}")
-    if misplaced := split_options(assumed, cls.model_fields)[1]:
-        key = next(iter(misplaced))
-        raise BadInput(
-            f"scenario {label!r}: {key} is of the stream, so it cannot be assumed: write {key}={misplaced[key]}"
-        )
+    known = [*cls.model_fields, *StreamOptions.model_fields]
+    if unknown := [key for key in parameters if key not in known]:
+        raise BadInput(f"scenario {name!r} has no parameter {unknown[0]!r}; {nearest(unknown[0], known)}")
+    said = {key: value for key, value in parameters.items() if key not in cls.model_fields}
+    if misplaced := [key for key in StreamOptions.model_fields if key in assumed]:
+        raise BadInput(f"scenario {label!r}: {misplaced[0]} is of the stream, so it cannot be assumed: leave it out")
+    own = {key: value for key, value in parameters.items() if key not in said}
     try:
         return ResolvedScenario(label, name, family, parameters, cls(**own), assumed, StreamOptions(**said))
     except ValidationError as e:

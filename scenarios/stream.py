@@ -19,7 +19,7 @@ from pydantic import TypeAdapter
 from cooploc.estimators import models
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Belief, Indices, Mask, Senses, World
-from cooploc.scenarios.display import facts_table
+from cooploc.scenarios.display import list_table
 
 FORMAT = 3  # of the file; 2 had a checksum in its header
 MODELS: dict[str, type[Any]] = {
@@ -90,7 +90,7 @@ class Stream:
             ("links that hold", f"{links:.0%}" if self.robots > 1 else "none, there is one robot"),
             ("hash", self.hash[:16]),
         )
-        return facts_table(f"stream of {self.scenario}, seed {self.seed}", facts)
+        return list_table(("", ""), f"stream of {self.scenario}, seed {self.seed}", facts)
 
     @property
     def robots(self) -> int:

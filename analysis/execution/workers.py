@@ -56,7 +56,8 @@ from cooploc.scenarios.process import (
     place_of,
     pool,
 )
-from cooploc.scenarios.runner.run import PluginJob, Run, trace_in_process
+from cooploc.scenarios.runner.run import TIMED_OUT, PluginJob, Run, trace_in_process
+from cooploc.scenarios.runner.tick import EstimatorError
 from cooploc.scenarios.runner.trace import Trace, trace, warm_up
 from cooploc.scenarios.scenario import ResolvedScenario
 from cooploc.scenarios.stream import Stream, Truth
@@ -157,11 +158,11 @@ def _trace(task: Task, estimator: ConfiguredEstimator, stream: Stream) -> Trace:
     if task.isolate and not estimator.builtin:
         job = PluginJob(estimator.label, estimator.label, task.time_limit, PLUGINS)
         try:
-            return trace_in_process(job, [stream], None)
-        except ProcessDied:
-            if len(stream.trial) > 1:
+            return trace_in_process(job, [stream])
+        except EstimatorError as e:
+            if len(stream.trial) > 1 or not isinstance(e.__cause__, ProcessDied) or TIMED_OUT in str(e):
                 raise
-            return trace_in_process(job, [stream], None)  # once more: what ended the process may have been another's
+            return trace_in_process(job, [stream])  # once more: what ended the process may have been another's
     with limit_time(task.time_limit, *stream.senses.dt.shape[:2]) as watch:
         return trace(estimator.label, make(estimator), stream, watch)
 

@@ -6,7 +6,6 @@ Every estimator gets the same arrays, read-only, and loses the same packets. The
 import math
 import time
 from collections.abc import Iterable, Iterator, Mapping
-from concurrent.futures import as_completed
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -18,8 +17,8 @@ from cooploc.estimators.adapters import Adapter
 from cooploc.estimators.building import adapt, is_plain
 from cooploc.estimators.errors import BadInput, message
 from cooploc.estimators.interface import Array, Indices, Rows
-from cooploc.scenarios import display, seeds
-from cooploc.scenarios.display import Advance, list_table
+from cooploc.scenarios import seeds
+from cooploc.scenarios.display import list_table
 from cooploc.scenarios.process import (
     BUILTIN,
     SESSION,
@@ -27,7 +26,6 @@ from cooploc.scenarios.process import (
     TimeLimit,
     WorkerError,
     call,
-    end,
     limit_time,
     submit,
     wait_for,
@@ -44,6 +42,7 @@ TEAM = ("init", "predict", "correct", "exchange", "estimate")
 OFFLINE = ("smooth",)
 LIFT = "a filter written for one robot is lifted by cl.PerRobot, one for a whole team by cl.PerTeam"
 TIME_LIMIT = 600.0  # [s] for one estimator on one trial
+TIMED_OUT = "its process was ended"
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,14 +122,12 @@ def run(estimators: Any, stream: Stream, jobs: int = 1, isolate: bool = True, ti
         raise BadInput(f"jobs is {jobs}; it must be at least 1")
     if jobs > 1 and not isolate:
         raise BadInput(f"isolate=False keeps everything in one process, and jobs is {jobs}: leave one of them out")
-    if not time_limit > 0:
-        raise BadInput(f"time_limit is {time_limit}; it must be more than 0 s, or math.inf")
-    given = estimators_by_name(estimators, isolate)
     if not isinstance(stream, Stream):
         raise BadInput(
             f"the second argument is a {type(stream).__name__}, not a Stream: write truth, stream = cl.simulate(...), "
             f"then cl.run(estimators, stream)"
         )
+    given = estimators_by_name(estimators, isolate)
     first = stream.select(slice(0, 1)).first_ticks(1)
     unchecked = frozenset(name for name, one in given.items() if not is_builtin(one))
     plugins = {name: PluginJob(name, given[name], time_limit) for name in given if isolate and name in unchecked}
@@ -142,16 +139,14 @@ def run(estimators: Any, stream: Stream, jobs: int = 1, isolate: bool = True, ti
     count = min(jobs, len(stream.trial))
     parts = np.array_split(np.arange(len(stream.trial)), count)
     chunks = [stream.select(slice(int(part[0]), int(part[-1]) + 1)) for part in parts] if count > 1 else [stream]
-    with display.bar(stream.senses.dt.shape[1] * len(chunks) * len(given)) as advance:
-        traces = {}
-        for name, one in given.items():
-            if name in plugins or count > 1:
-                job = plugins.get(name, PluginJob(name, one, math.inf, BUILTIN))
-                traces[name] = trace_in_process(job, chunks, advance)
-                continue
-            if name not in unchecked:
-                warm_up(name, one, stream)
-            traces[name] = trace(name, one, stream, advance=advance)
+    traces = {}
+    for name, one in given.items():
+        if name in plugins or count > 1:
+            traces[name] = trace_in_process(plugins.get(name, PluginJob(name, one, math.inf, BUILTIN)), chunks)
+            continue
+        if name not in unchecked:
+            warm_up(name, one, stream)
+        traces[name] = trace(name, one, stream)
     return Run(stream.scenario, stream.seed, stream.trial, stream.hashes, traces, isolate, unchecked, stream.time)
 
 
@@ -160,10 +155,6 @@ def run(estimators: Any, stream: Stream, jobs: int = 1, isolate: bool = True, ti
 
 def estimators_by_name(estimators: Any, isolate: bool = False) -> dict[str, Any]:
     """Return instances by name; with `isolate`, a name or class not built in stays one, for a process of its own."""
-    if isinstance(estimators, Stream | Truth):
-        raise BadInput(
-            f"the first argument is a {type(estimators).__name__}, not estimators: write cl.run(estimators, stream)"
-        )
     if isinstance(estimators, Mapping):
         return {str(name): make_estimator(one, f"{name!r}", isolate) for name, one in estimators.items()}
     single = isinstance(estimators, type) or any(hasattr(estimators, method) for method in ("init", "smooth"))
@@ -254,19 +245,11 @@ def require_fit_in_process(one: PluginJob, stream: Stream) -> None:
         call(one.owner, _require_fit, one, remove_seed(stream).stream)
 
 
-def trace_in_process(one: PluginJob, chunks: list[Stream], advance: Advance | None) -> Trace:
+def trace_in_process(one: PluginJob, chunks: list[Stream]) -> Trace:
     """Return the trace of all chunks, each run in a process of its own."""
     with _name_in_errors(one):
         futures = [submit(one.owner, len(chunks), _trace_chunk, one, remove_seed(chunk)) for chunk in chunks]
-        try:
-            for future in as_completed(futures):
-                future.exception()
-                if advance:
-                    advance(one.name, chunks[0].senses.dt.shape[1])
-            return _concatenate([wait_for(one.owner, future) for future in futures])
-        except KeyboardInterrupt:
-            end(one.owner)
-            raise
+        return _concatenate([wait_for(one.owner, future) for future in futures])
 
 
 @contextmanager
@@ -277,7 +260,7 @@ def _name_in_errors(one: PluginJob) -> Iterator[None]:
         yield
     except ProcessDied as e:
         late = "exit code 1)" in str(e) and time.monotonic() - began > one.seconds  # as its own timer ends it
-        why = f"longer than the time limit of {one.seconds:g} s a trial; its process was ended" if late else str(e)
+        why = f"longer than the time limit of {one.seconds:g} s a trial; {TIMED_OUT}" if late else str(e)
         raise EstimatorError(f"{one.name}: {why}") from e
     except WorkerError as e:
         raise EstimatorError(f"{one.name}: {e}") from e.__cause__

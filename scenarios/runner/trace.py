@@ -1,8 +1,8 @@
 """The run of one estimator on one stream: its beliefs at every tick, and their cost."""
 
 import sys
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import lru_cache
 from time import process_time
@@ -16,7 +16,6 @@ from threadpoolctl import ThreadpoolController
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Rows
 from cooploc.estimators.registry import traits
-from cooploc.scenarios.display import Advance
 from cooploc.scenarios.runner.tick import EstimatorError, IncompatibleEstimator, Watcher, drive, senses, visible
 from cooploc.scenarios.stream import Stream
 
@@ -24,7 +23,7 @@ COMPILING = "numba:compiler_lock"  # numba's event around compiling a kernel, or
 
 
 class Stopwatch(event.Listener):
-    """Seconds of this process's processor time between `with` and its end, without pauses and compilation."""
+    """Seconds of this process's processor time between `with` and its end, without compilation."""
 
     def __init__(self) -> None:
         self.seconds = 0.0
@@ -41,15 +40,6 @@ class Stopwatch(event.Listener):
     ) -> None:
         event.unregister(COMPILING, self)
         self.seconds += process_time() - self._began
-
-    @contextmanager
-    def pause(self) -> Iterator[None]:
-        """Leave out the time until the end of this block."""
-        self.on_start(None)
-        try:
-            yield
-        finally:
-            self.on_end(None)
 
     def on_start(self, event: Any) -> None:
         if self._stopped == 0:
@@ -96,7 +86,6 @@ def trace(
     estimator: Any,
     stream: Stream,
     watch: Watcher | None = None,
-    advance: Advance | None = None,  # called after every tick, untimed
     *,
     rows: Rows | None = None,  # that the seed makes, of a stream that does not say its seed
 ) -> Trace:
@@ -113,9 +102,6 @@ def trace(
             x[:, k], P[:, k] = belief.x.reshape(x[:, k].shape), belief.P.reshape(P[:, k].shape)
             messages += traffic.messages
             sent += traffic.bytes
-            if advance:
-                with clock.pause():
-                    advance(name, 1)
     _refuse(name, "estimate is not finite", stream, ~(np.isfinite(x).all(-1) & np.isfinite(P).all((-2, -1))))
     require_covariances(name, stream, P)
     about, seconds = traits(estimator), clock.seconds

@@ -8,7 +8,6 @@ Source: E. Latif, R. Parasuraman, "Multi-Robot Synergistic Localization in Dynam
 """
 
 from collections.abc import Mapping, Sequence
-from copy import deepcopy
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
@@ -168,22 +167,6 @@ def sum_between_wakings(odometry: Array, wake: Mask) -> Array:
     return np.where(wake[..., None], total - before, np.nan)
 
 
-# Large teams: pairs of robots are drawn some ticks at a time, so that they fit into memory.
-
-PAIRS = 4_000_000  # of robots, times ticks, at a time
-
-
-def split_generator(rng: np.random.Generator, count: int, streams: int) -> list[np.random.Generator]:
-    """Return generators that stand where `rng` does, after `count` normal numbers, after twice as many, and so on."""
-    made = [rng]
-    for _ in range(streams - 1):
-        later = deepcopy(made[-1])
-        for start in range(0, count, PAIRS):
-            later.standard_normal(min(PAIRS, count - start))
-        made.append(later)
-    return made
-
-
 class TrialReadings(NamedTuple):
     """True path and readings of one trial, with the tick first; width 0 where a channel does not exist."""
 
@@ -284,11 +267,6 @@ class Paper(BaseModel):
     rate: tuple[Annotated[float, Field(gt=0, le=1)], ...] = (1.0,)  # wakings per tick of each robot, repeated
     phase: tuple[Annotated[float, Field(ge=0, lt=1)], ...] = (0.0,)  # of each robot, repeated
 
-    @property
-    def at_once(self) -> int:
-        """Number of ticks whose pairs of robots are drawn together: all where noise has a memory."""
-        return self.ticks if self.shadow_correlation else min(self.ticks, max(1, PAIRS // self.robots**2))
-
     @model_validator(mode="after")
     def _steps_fit(self) -> "Paper":
         if 1.5 * self.step > self.side:
@@ -354,25 +332,13 @@ class Paper(BaseModel):
     def _between_robots(
         self, rng: np.random.Generator, path: Array, wake: Mask, scene: Scene, seed: int, trial: int
     ) -> tuple[Mask, Array, Array]:
-        """Draw link, RSSI and range between robots (T, receiver, sender), some ticks at a time.
-
-        Of a large team all ticks at once would not fit into memory. The numbers drawn are the same: shadowing of all
-        ticks comes first, then fast noise, then ranges, each from where the generator stands by then.
-        """
-        T, n = path.shape[:2]
-        block = min(T, self.at_once)
-        rngs = (rng, rng, rng) if block == T else split_generator(rng, T * n * n, 3)
-        network, others = generator(seed, trial, Purpose.NETWORK), ~np.eye(n, dtype=bool)
-        link, rssi, ranged = np.empty((T, n, n), bool), np.empty((T, n, n)), np.empty((T, n, n))
-        for k in range(0, T, block):
-            now = slice(k, k + block)
-            d = distance(path[now, :, None], path[now, None])
-            seen, near = scene._replace(robot_blockers=scene.robot_blockers[now]), d <= self.radio_range
-            rssi[now] = np.where(near & others, self._robot_rssi(rngs[0], rngs[1], d, seen), np.nan)
-            ranged[now] = np.where(near & others, self._ranges(rngs[2], d, seen, seed, trial), np.nan)
-            arrives = network.uniform(size=d.shape) >= self.drop
-            link[now] = arrives & others & near & wake[now, :, None] & wake[now, None]
-        return link, rssi, ranged
+        """Draw link, RSSI and range between robots (T, receiver, sender)."""
+        d = distance(path[:, :, None], path[:, None])
+        others = ~np.eye(path.shape[1], dtype=bool) & (d <= self.radio_range)
+        rssi = np.where(others, self._robot_rssi(rng, d, scene), np.nan)
+        ranged = np.where(others, self._ranges(rng, d, scene, seed, trial), np.nan)
+        arrives = generator(seed, trial, Purpose.NETWORK).uniform(size=d.shape) >= self.drop
+        return arrives & others & wake[:, :, None] & wake[:, None], rssi, ranged
 
     def _anchor_rssi(self, rng: np.random.Generator, path: Array, moves: Array, scene: Scene) -> Array:
         """Return (T, n, a), each the mean of `samples` readings spread over the tick's path."""
@@ -384,11 +350,11 @@ class Paper(BaseModel):
         fast = rng.normal(0, self.fast, (self.samples, *shape)).mean(0)
         return self._round(clear + shadow + fast - self.attenuation * scene.anchor_blockers)
 
-    def _robot_rssi(self, slow: np.random.Generator, fast: np.random.Generator, d: Array, scene: Scene) -> Array:
-        """Return (T, receiver, sender); shadowing, drawn by `slow`, is the same in both directions."""
-        shadow = add_memory(np.triu(slow.normal(0, self.shadowing, d.shape), 1), self.shadow_correlation)
+    def _robot_rssi(self, rng: np.random.Generator, d: Array, scene: Scene) -> Array:
+        """Return (T, receiver, sender); shadowing is the same in both directions."""
+        shadow = add_memory(np.triu(rng.normal(0, self.shadowing, d.shape), 1), self.shadow_correlation)
         both = self._rssi(d) + shadow + shadow.transpose(0, 2, 1) - self.attenuation * scene.robot_blockers
-        return self._round(both + fast.normal(0, self.fast, d.shape))
+        return self._round(both + rng.normal(0, self.fast, d.shape))
 
     def _ranges(self, rng: np.random.Generator, d: Array, scene: Scene, seed: int, trial: int) -> Array:
         """Return (T, receiver, sender) at true distances d; other worlds draw from generators of `seed` and `trial`."""

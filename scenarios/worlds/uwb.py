@@ -44,10 +44,6 @@ class UwbArena(Paper):
         left = np.hypot(self.range_bias_sd, residual_sd()) if self.bias == "removed" else self.range_sigma
         return replace(world, sensors={**world.sensors, "radio_range": Range(float(left))})
 
-    @property
-    def at_once(self) -> int:
-        return self.ticks  # ranges remember the last tick
-
     def _ranges(self, rng: np.random.Generator, d: Array, scene: Scene, seed: int, trial: int) -> Array:
         rng = generator(seed, trial, Purpose.UWB)
         bias = rng.normal(self.range_bias, self.range_bias_sd, d.shape[1:])

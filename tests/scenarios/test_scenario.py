@@ -107,19 +107,6 @@ def test_an_error_says_how_to_have_team_priors():
         trace("informed", cl.PerRobot(Informed, uses=("odometry",)), stream)
 
 
-@pytest.mark.parametrize("estimator", ["ekf-ci", "mrsl-distance", "ekf-luft", "ekf-joint"])
-def test_short_ranges_refused_by_the_stream_change_no_estimate(estimator):
-    near = {"trials": 3, "seed": 2, "ticks": 60, "side": 1.5}
-    kept = cl.simulate("robots-1-3/n=3", **near)[1]
-    truth, refused = cl.simulate("robots-1-3/n=3", **near, short_ranges="refused")
-    short = kept.air.range < 0.2
-    assert short.any()
-    np.testing.assert_array_equal(refused.air.range, np.where(short, np.nan, kept.air.range))
-    one, other = (trace("it", cl.make(estimator), stream) for stream in (kept, refused))
-    np.testing.assert_array_equal(one.x, other.x)
-    assert len(cl.errors(truth, cl.run("dead-reckoning", refused))) == 9
-
-
 @pytest.mark.parametrize(
     ("label", "given", "words"),
     [
@@ -142,9 +129,8 @@ def test_short_ranges_refused_by_the_stream_change_no_estimate(estimator):
         ("trajectory", {"ticks": 2, "assumed": {"robots": 4}}, "make it an override"),
         ("trajectory", {"ticks": 2, "assumed": {"tick": 2.0}}, "make it an override"),
         ("trajectory", {"ticks": 2, "assumed": {"anchors": 5}}, "make it an override"),
-        ("trajectory[short_ranges=gone]", {}, "short_ranges: it must be 'kept' or 'refused'"),
         ("trajectory[team_prior=true]", {}, "no parameter 'team_prior'; did you mean 'team_priors'"),
-        ("trajectory[assumed.team_priors=true]", {}, "is of the stream, so it cannot be assumed: write team_priors="),
+        ("trajectory[assumed.team_priors=true]", {}, "is of the stream, so it cannot be assumed: leave it out"),
     ],
 )
 def test_bad_input_is_refused_in_one_line_that_helps(label, given, words):

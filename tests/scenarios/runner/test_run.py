@@ -78,7 +78,7 @@ def test_names_classes_instances_lists_and_mappings_become_instances(given, name
         ({"mine": Loop}, STREAM, "a filter written for one robot is lifted by cl.PerRobot"),
         ({"mine": 3}, STREAM, "'mine' is of type int, not an estimator: give a name, a class or an instance"),
         (Half, STREAM, "estimator Half lacks predict(), correct(), send(), fuse()"),
-        (STREAM, "arl", "first argument is a Stream, not estimators: write cl.run(estimators, st"),
+        (STREAM, "arl", "second argument is a str, not a Stream: write truth, stream = cl.simulate"),
         ("arl", (TRUTH, STREAM), "second argument is a tuple, not a Stream: write truth, stream = "),
     ],
 )

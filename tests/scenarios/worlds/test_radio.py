@@ -38,14 +38,6 @@ def test_a_trial_has_the_same_bits_whatever_is_simulated_with_it(label):
             np.testing.assert_array_equal(array, stream.arrays()[name][list(which)], err_msg=name)
 
 
-@pytest.mark.parametrize("label", ["trajectory[robots=5]", "trajectory[shadow_correlation=0.5]", "uwb"])
-def test_readings_drawn_a_few_ticks_at_a_time_are_the_same(label, monkeypatch):
-    """A large team is drawn in blocks of ticks, which must not show."""
-    _, whole = simulate(label, trials=1, seed=3, ticks=23, drop=0.3)
-    monkeypatch.setattr(radio, "PAIRS", 60)
-    assert simulate(label, trials=1, seed=3, ticks=23, drop=0.3)[1].hash == whole.hash
-
-
 def test_keys_and_generators_belong_to_trial_and_robot_or_purpose_alone():
     rows = seeds.rows(5, np.array([0, 1, 7]), 3)
     np.testing.assert_array_equal(rows.trial, [0, 0, 0, 1, 1, 1, 7, 7, 7])
