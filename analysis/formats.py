@@ -88,5 +88,5 @@ def count_of(number: int, noun: str) -> str:
 
 def join_words(names: Iterable[str]) -> str:
     """Return names in a sentence: "a, b and c"."""
-    *most, last = list(names)
+    *most, last = list(names) or [""]
     return f"{', '.join(most)} and {last}" if most else last

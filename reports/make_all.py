@@ -1,6 +1,6 @@
 """Computes again what the repository says about the world: runs the studies, then writes every page and figure.
 
-Run: python reports/make_all.py [--runs DIR] [--data DIR] [--jobs N] [--only NAME,NAME] [--trials N], or `make reports`.
+Run: python reports/make_all.py [--runs DIR] [--data DIR] [--jobs N] [--only NAME,NAME], or `make reports`.
 Runs are kept in `--runs` and go on where they were ended; pages are always written again. What needs recordings is left
 out where there are none. What a step prints is kept in `--runs`/logs. Ends with a table of what was made, in which
 time; exit code 1 where a step failed.
@@ -23,7 +23,7 @@ PYTHON, COOPLOC = sys.executable, (sys.executable, "-m", "cooploc")
 
 
 class Step(NamedTuple):
-    """A command that makes a run or a page; {runs}, {data}, {jobs} and {trials} stand for what is asked for."""
+    """A command that makes a run or a page; {runs}, {data} and {jobs} stand for what is asked for."""
 
     name: str
     command: tuple[str, ...]
@@ -34,8 +34,7 @@ def study(name: str, *options: str, data: str = "", file: str = "", command: str
     """Return a run, or a tuning, of a study in the folder of its name."""
     recordings = ("--data", f"{{data}}/{data}") if data else ()
     out = ("--jobs", "{jobs}", "--out", f"{{runs}}/{name}")
-    trials = ("{trials}",) if command == "run" else ()
-    return Step(name, (*COOPLOC, command, file or name, *out, *recordings, *options, *trials), (data,) * bool(data))
+    return Step(name, (*COOPLOC, command, file or name, *out, *recordings, *options), (data,) * bool(data))
 
 
 def benchmark(name: str, script: str, page: str, *more: str) -> Step:
@@ -84,7 +83,6 @@ def main() -> int:
     parser.add_argument("--data", type=Path, default=recordings, help="folder of the recordings")
     parser.add_argument("--jobs", type=int, default=2, help="number of processes of a run")
     parser.add_argument("--only", default="", help="names of steps, separated by commas")
-    parser.add_argument("--trials", default="", help="of every run, for a try")
     asked = parser.parse_args()
     wanted = set(asked.only.split(",")) if asked.only else {step.name for step in STEPS}
     if unknown := wanted - {step.name for step in STEPS}:
@@ -106,8 +104,7 @@ def run_step(step: Step, asked: Namespace) -> tuple[str, str, str]:
     log.parent.mkdir(parents=True, exist_ok=True)
     print(f"{time.strftime('%H:%M')} {step.name} begins; what it prints is in {log}", file=sys.stderr, flush=True)
     places = {"runs": asked.runs, "data": asked.data, "jobs": asked.jobs}
-    command = [part.format(**places) for part in step.command if part != "{trials}"]
-    command += ["--trials", asked.trials] if asked.trials and "{trials}" in step.command else []
+    command = [part.format(**places) for part in step.command]
     began, at = time.monotonic(), time.time()
     with log.open("w", encoding="utf-8") as out:
         quiet = {**os.environ, "PYTHONWARNINGS": "ignore"}

@@ -14,9 +14,8 @@ import shutil
 import subprocess
 import sys
 import tempfile
-import textwrap
 from argparse import ArgumentParser
-from functools import cache
+from functools import cache, partial
 from importlib import import_module
 from pathlib import Path
 
@@ -31,16 +30,13 @@ from cooploc.estimators.errors import BadInput
 REPORTS = Path(__file__).resolve().parent
 TEXTS = REPORTS / "text"
 MODULES = {"fusion", "information", "paper", "readings", "real-robots", "tuned"}  # texts with a module of their name
-NOT_PROSE = re.compile(r"[#|!`<]|    ")  # begins a heading, a table, a figure, a mark, code
-ITEM = re.compile(r" *(?:-|\d+\.) ")  # begins an item of a list
-WRAPPER = textwrap.TextWrapper(118, break_long_words=False, break_on_hyphens=False)
 
 
-def require(holds: bool, what: str) -> str:
-    """Return nothing where it holds, and stop the page elsewhere."""
-    if not holds:
-        raise BadInput(f"the runs do not show that {what}; rewrite the sentence in reports/text")
-    return ""
+def require(holds: bool, what: str, draft: bool = False) -> str:
+    """Return nothing where it holds; elsewhere stop the page, or mark the place in a draft."""
+    if holds or draft:
+        return "" if holds else f"[NOT SHOWN: {what}] "
+    raise BadInput(f"the runs do not show that {what}; rewrite the sentence in reports/text")
 
 
 def escape_tex(text: object) -> str:
@@ -53,7 +49,7 @@ def render(name: str, runs: str | Path, out: str | Path = "page.md", data: str =
     """Return a text with its numbers, and draw its figures beside `out`.
 
     `name` is that of a file in reports/text, with `.j2` or without `.md.j2`; `runs` is the folder of the run
-    directories, `data` that of the recordings. In a draft a sentence that does not hold is marked, else refused.
+    directories, `data` that of the recordings.
     """
     runs, out = Path(runs), Path(out)
     texts = Environment(
@@ -61,38 +57,23 @@ def render(name: str, runs: str | Path, out: str | Path = "page.md", data: str =
         keep_trailing_newline=True, autoescape=False,
     )  # fmt: skip
     texts.globals.update(
-        claims=study_numbers.claims,
-        in_letter=study_numbers.in_letter,
-        in_reading=study_numbers.in_reading,
-        speed=study_numbers.speed,
+        **{name: getattr(study_numbers, name) for name in ("claims", "in_letter", "in_reading", "speed")},
         links=Path(os.path.relpath(REPORTS, out.resolve().parent)).as_posix(),
         study=cache(lambda study: study_numbers.StudyRun(runs / study)),
         tuned=cache(lambda study: study_numbers.order_when_tuned(runs / study)),
         decided_by_more_trials=lambda study: study_numbers.decided_by_more_trials(runs / study),
-        require=(lambda holds, what: "" if holds else f"[NOT SHOWN: {what}] ") if draft else require,
+        require=partial(require, draft=draft),
         join_words=join_words,
     )
     texts.filters.update(tex=escape_tex)
     values = import_module(name.replace("-", "_")).values(runs, out.parent, Path(data)) if name in MODULES else {}
     text = texts.get_template(name if name.endswith(".j2") else f"{name}.md.j2").render(values)
-    return text if name.endswith(".tex.j2") else fold(text)
+    return text if name.endswith(".tex.j2") else tidy(text)
 
 
-def fold(text: str) -> str:
-    """Return paragraphs and items of lists folded at 118 letters; tables, code, headings and figures stay."""
-    blocks = re.split(r"\n\s*?\n(?:\s*\n)*", re.sub(r" +$", "", text.strip("\n"), flags=re.MULTILINE))
-    return "\n\n".join(block if NOT_PROSE.match(block) else _fold_block(block) for block in blocks) + "\n"
-
-
-def _fold_block(block: str) -> str:
-    """Return a paragraph or a list folded; what follows an item's first line stands below its first word."""
-    folded = []
-    for item in re.split(rf"\n(?={ITEM.pattern})", block):
-        head = ITEM.match(item)
-        WRAPPER.initial_indent = head[0] if head else ""
-        WRAPPER.subsequent_indent = " " * len(WRAPPER.initial_indent)
-        folded.append(WRAPPER.fill(" ".join(item.removeprefix(WRAPPER.initial_indent).split())))
-    return "\n".join(folded)
+def tidy(text: str) -> str:
+    """Return a text without the blank lines and spaces that its statements leave."""
+    return re.sub(r"\n{3,}", "\n\n", re.sub(r"[ \t]+$", "", text.strip("\n"), flags=re.MULTILINE)) + "\n"
 
 
 def put_between(page: str, name: str, text: str) -> str:

@@ -190,7 +190,7 @@ def order_when_tuned(run: str | Path) -> dict[str, Any]:
 
 def claims() -> dict[str, dict[str, Any]]:
     """Return of every claim of the paper how many specifications there are, and how many have each verdict."""
-    table = pd.read_csv(_of_readings("map.csv"), dtype={"claim": str})
+    table = pd.read_csv(REPORTS / "readings" / "map.csv", dtype={"claim": str})
     return {row["claim"]: row for row in table.to_dict("records")}
 
 
@@ -207,20 +207,15 @@ def in_reading(end: str, claim: str, scenario: str, **instead: str) -> tuple[Num
 
     These are of the estimator (`error`), of the one compared with (`baseline`) and of dead reckoning (`odometry`).
     """
-    path = _of_readings("readings.csv")
-    table = pd.read_csv(path, dtype={"claim": str})
+    table = pd.read_csv(REPORTS / "readings" / "readings.csv", dtype={"claim": str})
     dimensions = list(table)[list(table).index("implausible") + 1 :]
     table[dimensions] = table[dimensions].astype("object").fillna("")  # where a dimension does not bear on the claim
     of_claim = table[(table["claim"] == claim) & (table["scenario"] == scenario) & (table["definition"] == "change")]
-    named = of_claim[of_claim[end].astype(bool)]
-    if named.empty:
-        raise BadInput(f"{path}: claim {claim} has no {scenario!r} in the reading {end!r}")
-    wanted = {**named.iloc[0][dimensions], **{name.replace("_", " "): choice for name, choice in instead.items()}}
-    found = of_claim[(of_claim[dimensions] == pd.Series(wanted)).all(axis=1)]
-    if found.empty:
-        raise BadInput(f"{path}: claim {claim} in {scenario!r} was not run with {instead}")
-    levels = {name: f"{found.iloc[0][name]:.2f}" for name in ("error", "baseline", "odometry")}
-    return Number(*found.iloc[0][["value", "low", "high"]].astype(float)), levels
+    named = of_claim[of_claim[end].astype(bool)].iloc[0][dimensions]
+    wanted = {**named, **{name.replace("_", " "): choice for name, choice in instead.items()}}
+    found = of_claim[(of_claim[dimensions] == pd.Series(wanted)).all(axis=1)].iloc[0]
+    levels = {name: f"{found[name]:.2f}" for name in ("error", "baseline", "odometry")}
+    return Number(*found[["value", "low", "high"]].astype(float)), levels
 
 
 def speed(what: str, decimals: int | None = None) -> str:
@@ -230,10 +225,3 @@ def speed(what: str, decimals: int | None = None) -> str:
             median, spread = line.removeprefix(f"| {what} | ").split(" | ")[:2]
             return f"{median} ({spread})" if decimals is None else f"{float(median):.{decimals}f}"
     raise BadInput(f"reports/speed.md has no line {what!r}; make bench writes it")
-
-
-def _of_readings(name: str) -> Path:
-    path = REPORTS / "readings" / name
-    if not path.exists():
-        raise BadInput(f"{path} is not there; python reports/page.py readings RUNS reports/readings/README.md makes it")
-    return path

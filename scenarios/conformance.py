@@ -21,7 +21,7 @@ import cloudpickle
 import numpy as np
 
 from cooploc.estimators import errors, is_builtin, make
-from cooploc.estimators.errors import BadInput, nearest
+from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Belief, Mail, Mask
 from cooploc.estimators.models import Displacement, Unicycle, wrap, wrap_heading
 from cooploc.estimators.registry import refusal, traits
@@ -138,12 +138,8 @@ def check_estimator(
     seed: int = 0,
     isolate: bool = True,
     time_limit: float = TIME_LIMIT,
-    only: str | None = None,
 ) -> Report:
     """Run every check on an estimator: it may neither cheat nor break the interface.
-
-    It runs on small simulated streams (3 trials of 12 ticks; 1 and 3 robots), again and again with readings perturbed
-    or hidden, packets dropped, trials reordered. A check compares the results and explains a difference.
 
     Args:
         estimator: its name, a class that needs no arguments, or an instance.
@@ -152,23 +148,20 @@ def check_estimator(
         isolate: False checks it in this process, for a debugger; else one that is not built in has a process of its
             own, where it may crash or hang.
         time_limit: [s] for all checks in that process; math.inf for none.
-        only: the name of the one check to run.
 
     Returns:
         A report: `passed`, `table()`, and a `Result` for each check, `report["causality"]`.
 
     Raises:
-        BadInput: an unknown name or check, a class that needs arguments, or a seed that is not a whole number of 0 or
-            more. What the estimator raises while it runs is a failure in the report.
+        BadInput: an unknown name, a class that needs arguments, or a seed that is not a whole number of 0 or more. What
+            the estimator raises while it runs is a failure in the report.
 
     """
-    if only is not None and only not in (known := [check.name for check in CHECKS]):
-        raise BadInput(f"there is no check {only!r}; {nearest(only, known)}")
     if not isolate or is_builtin(estimator):
-        return _check_here(estimator, name, seed, only)
+        return _check_here(estimator, name, seed)
     try:
         owner = PLUGINS if isinstance(estimator, str) else SESSION  # a file's neighbours are not those of an object
-        report: Report = call(owner, _check_here, estimator, name, seed, only, seconds=time_limit)
+        report: Report = call(owner, _check_here, estimator, name, seed, seconds=time_limit)
         return report
     except (WorkerError, MemoryError) as e:
         why = str(e) if isinstance(e, WorkerError) else one_line(e)
@@ -177,10 +170,10 @@ def check_estimator(
         return Report(name or label_of(estimator), (failed, *others))
 
 
-def _check_here(estimator: Any, name: str | None, seed: int, only: str | None = None) -> Report:
+def _check_here(estimator: Any, name: str | None, seed: int) -> Report:
     """Run the checks in this process; after a failure of one of `FIRST`, no other means anything."""
     harness, results, reason = Harness(name or label_of(estimator), make_instance(estimator), seed), list[Result](), ""
-    for check in [check for check in CHECKS if only in (None, check.name)]:
+    for check in CHECKS:
         results.append(Result(check.name, "skipped", reason, seed) if reason else run_check(check, harness))
         reason = reason or (FIRST.get(check.name, "") if results[-1].status == "failed" else "")
     return Report(harness.name, tuple(results))
@@ -502,32 +495,6 @@ def _angle(turn: Array) -> Any:
     return np.arctan2(turn[1, 0], turn[0, 0])
 
 
-def renumber_robots(stream: Stream, order: list[int]) -> Stream:
-    """Return the same readings where robot `order[i]` has number i."""
-    changed = {}
-    for name, array in stream.arrays().items():
-        rows = array[:, order] if name.startswith("prior.") else array[:, :, order]
-        pairs = name.startswith("air.") or name == "senses.sighting"
-        changed[name] = rows[:, :, :, order] if pairs and rows.shape[3] else rows
-    return stream.replace_arrays(changed)
-
-
-def keep_one_pair(stream: Stream) -> Stream:
-    """Return a stream in which one pair of robots meets in each tick, so that the order of teammates is no matter."""
-    n, T = stream.robots, len(stream.time)
-    pair, reads = np.zeros((T, n, n), bool), np.zeros((T, n, n), bool)
-    for k in range(T):
-        i, j = k % n, (k + 1 + k // n % (n - 1)) % n
-        pair[k, i, j] = pair[k, j, i] = reads[k, i, j] = True  # and one of them measures
-    arrays, link = stream.arrays(), stream.air.link
-    changed: dict[str, Any] = {"air.link": link & link.swapaxes(-1, -2) & pair}
-    for name in ("air.rssi", "air.range", "senses.sighting"):
-        array = arrays[name]
-        if array.shape[3]:
-            changed[name] = np.where(reads[..., None] if array.ndim == 5 else reads, array, np.nan)
-    return stream.replace_arrays(changed)
-
-
 # The checks, in the order in which they run. All but equivariance compare bitwise.
 
 METHODS = {
@@ -836,15 +803,14 @@ def _find_used(harness: Harness, cases: list[tuple[Stream, RunRecord]], channels
 
 
 def equivariance(harness: Harness) -> str:
-    """Shift the world, turn it by 90 degrees, renumber the robots; require that the estimates follow.
+    """Shift the world, turn it by 90 degrees; require that the estimates follow.
 
     Only for estimators without randomness, and to a tolerance, as other coordinates round differently. For one that
     states why it lies along the `axes`, the world is only shifted.
     """
     if not harness.deterministic:
         raise CheckSkipped("it draws random numbers, which do not turn with the world")
-    axes, ordered = harness.traits.axes, harness.traits.team and not harness.centralised
-    still, nowhere = np.eye(2), np.zeros(2)
+    axes, still, nowhere = harness.traits.axes, np.eye(2), np.zeros(2)
     for stream, base in harness.cases:
         if stream.senses.extra or not isinstance(stream.world.motion, Displacement | Unicycle):
             raise CheckSkipped("it is not known how this scenario's channels or odometry turn with the world")
@@ -858,13 +824,7 @@ def equivariance(harness: Harness) -> str:
             _require_close(harness, expected, move_world(stream, QUARTER, nowhere), when)
         except CheckFailed:
             _require_close(harness, expected, move_world(stream, QUARTER, nowhere, roll=1), when, AXES)
-        if stream.robots > 1 and not ordered:
-            order, single = [*range(1, stream.robots), 0], keep_one_pair(stream)
-            alone = harness.run(single, "one pair of robots met in each tick").trace
-            expected = Belief(alone.x[:, :, order], alone.P[:, :, order])
-            _require_close(harness, expected, renumber_robots(single, order), "its robots were renumbered")
-    turned = "" if axes else " and turned by 90 degrees" + ", the robots were renumbered" * (not ordered)
-    left = f"; not turned or renumbered, as {axes}" if axes else "; not renumbered, as its robots go in turns" * ordered
+    turned, left = ("", f"; not turned, as {axes}") if axes else (" and turned by 90 degrees", "")
     return f"the world was shifted{turned}: the estimates followed to {TOLERANCE:.0%} of a standard deviation{left}"
 
 
@@ -911,7 +871,7 @@ REMEDIES: dict[Callable[[Harness], str], str] = {
     silence: "where nothing is sensed or heard, move by odometry alone and let P grow; a method that must move "
     "otherwise, as a constant-velocity filter or Euler's integration, says why in a class variable: own_motion = '...'",
     declaration: "name in `uses` only channels that change the estimate; a message costs 8 bytes and its payload",
-    equivariance: "take positions, directions and robots only from the prior, the world and the readings",
+    equivariance: "take positions and directions only from the prior, the world and the readings",
 }
 
 

@@ -74,7 +74,7 @@ truth, stream = cl.simulate("hall", trials=3, ticks=5)
 errors = cl.errors(truth, cl.run("still,dead-reckoning", stream))
 assert "largest_error" in cl.compare(errors, baseline="dead-reckoning", full=True)
 assert cl.plot.trials_drawn(errors).get_title() == "" and "trials_drawn" in dir(cl.plot)
-assert cl.check_estimator("still", only="determinism").passed
+assert cl.check_estimator("still")["determinism"].status == "passed"
 """
 
 

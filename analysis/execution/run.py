@@ -5,8 +5,6 @@
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import suppress
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
@@ -19,17 +17,11 @@ from cooploc.analysis.execution.run_directory import DECISIONS, FORMAT, Cell, Pa
 from cooploc.analysis.execution.workers import Compute, Task, make_workers
 from cooploc.analysis.formats import count_of, duration
 from cooploc.analysis.metrics.sequential import OPEN, decide, looks
-from cooploc.estimators import make, module_of
+from cooploc.estimators import module_of
 from cooploc.estimators.errors import BadInput
-from cooploc.scenarios import BUILTIN as BUILTIN_SCENARIOS
-from cooploc.scenarios import resolve
-from cooploc.scenarios.process import PLUGINS, WorkerError, call
-from cooploc.scenarios.runner.run import PluginJob, require_fit_in_process
-from cooploc.scenarios.runner.tick import EstimatorError, IncompatibleEstimator
-from cooploc.scenarios.runner.trace import require_fit
+from cooploc.scenarios.runner.run import find_misfits
 from cooploc.scenarios.scenario import ResolvedScenario
-from cooploc.scenarios.stream import Stream
-from cooploc.scenarios.studies.study import ResolvedCell, ResolvedStudy, Study, resolve_study
+from cooploc.scenarios.studies.study import ResolvedStudy, Study, resolve_study
 
 CHUNK_BYTES = 64e6  # of readings between robots, the largest arrays of a stream
 CHUNK_ROWS = 200  # (trial, robot): enough that numpy's cost per call no longer counts, few enough to lose in a crash
@@ -91,52 +83,17 @@ def prepare(
     asked = resolve_study(study, data)
     for estimator in asked.estimators:
         module_of(estimator.name)  # an unknown name is refused here
-    may_leave_out = study.leaves_out_misfits and not study.only
     cells = []
     for cell in asked.cells:
-        if cell.scenario.name not in BUILTIN_SCENARIOS and isolate:
-            # A plug-in world is simulated in the process of plug-ins; a crash there is a failure of its trials.
-            with suppress(WorkerError):
-                call(PLUGINS, _try_labels, cell.scenario.label, data, list(cell.trials), study.seed)
-        else:
-            cell = _try_cell(cell, study, isolate, say if may_leave_out else None)
-        cells.append(cell)
-    asked = asked._replace(cells=tuple(cells))
-    if strict:
-        require_whole([f"{cell.scenario.label}, {line}" for cell in asked.cells for line in cell.scenario.faults()])
-    return asked
-
-
-def _try_cell(cell: ResolvedCell, study: Study, isolate: bool, leave_out: Callable[[str], None] | None) -> ResolvedCell:
-    """Return a cell with the estimators that can run on it; without `leave_out`, one that cannot is refused."""
-    stream, fitting = _first_tick(cell.scenario, study.seed), []
-    for one in cell.estimators:
-        try:
-            if one.builtin or not isolate:
-                require_fit(one.label, make(one), stream)
-            else:
-                with suppress(EstimatorError):  # it dies in its trials too, which costs no others
-                    require_fit_in_process(PluginJob(one.label, one.label, study.time_limit, PLUGINS), stream)
-            fitting.append(one)
-        except IncompatibleEstimator as e:
-            if leave_out is None or one.label == cell.baseline:
-                raise
-            leave_out(f"left out: {e}")
-    return cell._replace(estimators=tuple(fitting), trials={one.label: cell.trials[one.label] for one in fitting})
-
-
-def _try_labels(scenario: str, data: Path | None, estimators: list[str], seed: int) -> None:
-    """Try the first tick of a scenario in this process."""
-    stream = _first_tick(resolve(scenario, data), seed)
-    for label in estimators:
-        require_fit(label, make(label), stream)
-
-
-def _first_tick(scenario: ResolvedScenario, seed: int) -> Stream:
-    """Return the first tick of a scenario, under the name of the whole; one trial of it must fit into memory."""
-    scenario.require_memory(trials=1)
-    _, stream = scenario.first_tick().simulate(1, seed)
-    return replace(stream, scenario=scenario.label)
+        misfits = find_misfits(cell.scenario, cell.estimators, study.seed, study.time_limit, isolate)
+        for label, error in misfits.items():
+            if not study.leaves_out_misfits or study.only or label == cell.baseline:
+                raise error
+            say(f"left out: {error}")
+        cells.append(cell.leave_out(misfits))
+        if strict:
+            require_whole([f"{cell.scenario.label}, {line}" for line in cell.scenario.faults()])
+    return asked._replace(cells=tuple(cells))
 
 
 def require_whole(faults: Sequence[str]) -> None:

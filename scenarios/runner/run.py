@@ -5,22 +5,25 @@ Every estimator gets the same arrays, read-only, and loses the same packets. The
 
 import math
 import time
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from cooploc.estimators import is_builtin, make, split_labels
+from cooploc.estimators import configure, is_builtin, make, split_labels
 from cooploc.estimators.adapters import Adapter
-from cooploc.estimators.building import adapt, is_plain
+from cooploc.estimators.building import ConfiguredEstimator, adapt, is_plain
 from cooploc.estimators.errors import BadInput, message
 from cooploc.estimators.interface import Array, Indices, Rows
-from cooploc.scenarios import seeds
+from cooploc.scenarios import BUILTIN as BUILTIN_SCENARIOS
+from cooploc.scenarios import resolve, seeds
 from cooploc.scenarios.display import list_table
 from cooploc.scenarios.process import (
     BUILTIN,
+    PLUGINS,
     SESSION,
     ProcessDied,
     TimeLimit,
@@ -30,8 +33,9 @@ from cooploc.scenarios.process import (
     submit,
     wait_for,
 )
-from cooploc.scenarios.runner.tick import EstimatorError
+from cooploc.scenarios.runner.tick import EstimatorError, IncompatibleEstimator
 from cooploc.scenarios.runner.trace import Trace, require_fit, trace, warm_up
+from cooploc.scenarios.scenario import ResolvedScenario
 from cooploc.scenarios.stream import Stream, Truth
 
 if TYPE_CHECKING:
@@ -264,6 +268,38 @@ def _name_in_errors(one: PluginJob) -> Iterator[None]:
         raise EstimatorError(f"{one.name}: {why}") from e
     except WorkerError as e:
         raise EstimatorError(f"{one.name}: {e}") from e.__cause__
+
+
+def find_misfits(
+    scenario: ResolvedScenario, estimators: Sequence[ConfiguredEstimator], seed: int, time_limit: float, isolate: bool
+) -> dict[str, IncompatibleEstimator]:
+    """Try the first tick of a scenario with every estimator; return why some cannot run on it, by label.
+
+    With `isolate`, what is not built in is tried in a process of its own: a crash there is a failure of its trials.
+    """
+    if isolate and scenario.name not in BUILTIN_SCENARIOS:
+        labels = [one.label for one in estimators]
+        with suppress(WorkerError):
+            return dict(call(PLUGINS, _find_misfits_of_labels, scenario.label, scenario.data, labels, seed))
+        return {}
+    scenario.require_memory(trials=1)
+    stream, misfits = replace(scenario.first_tick().simulate(1, seed)[1], scenario=scenario.label), {}
+    for one in estimators:
+        try:
+            if isolate and not one.builtin:
+                with suppress(EstimatorError):
+                    require_fit_in_process(PluginJob(one.label, one.label, time_limit, PLUGINS), stream)
+            else:
+                require_fit(one.label, make(one), stream)
+        except IncompatibleEstimator as e:
+            misfits[one.label] = e
+    return misfits
+
+
+def _find_misfits_of_labels(
+    scenario: str, data: Path | None, estimators: list[str], seed: int
+) -> dict[str, IncompatibleEstimator]:
+    return find_misfits(resolve(scenario, data), [configure(label) for label in estimators], seed, math.inf, False)
 
 
 def _require_fit(one: PluginJob, stream: Stream) -> None:

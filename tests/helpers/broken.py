@@ -275,14 +275,6 @@ class DeclaresTooMuch(DeadReckoning):
     uses: tuple[str, ...] = ("odometry", "anchor_rssi?", "landmark?")
 
 
-class PrefersRobotZero(DeadReckoning):
-    """Robot 0 states half the variance of the others."""
-
-    def init(self, prior, world, rows):
-        s = super().init(prior, world, rows)
-        return s._replace(P=s.P * np.where(rows.robot == 0, 0.5, 1.0)[:, None, None])
-
-
 class MessagesWithoutBytes(HonestTeam):
     """Sends messages without bytes."""
 

@@ -89,21 +89,6 @@ def test_a_file_with_one_entry_changed_is_refused(name, tmp_path):
         Stream.load(rewrite(tmp_path / "s.npz", change))
 
 
-def test_a_file_with_one_byte_flipped_is_refused(tmp_path):
-    path = tmp_path / "s.npz"
-    short().save(path)
-    whole = bytearray(path.read_bytes())
-    for at in range(200, len(whole) - 2000, len(whole) // 7):
-        broken = whole.copy()
-        broken[at] ^= 0x40
-        path.write_bytes(broken)
-        try:
-            loaded = Stream.load(path)
-        except ValueError:
-            continue
-        assert loaded.hash == short().hash  # a byte of the zip's own bookkeeping
-
-
 def test_what_is_no_stream_is_refused_by_name(tmp_path):
     text, table, gone = tmp_path / "notes.txt", tmp_path / "table.npz", tmp_path / "gone.npz"
     text.write_text("not a stream")

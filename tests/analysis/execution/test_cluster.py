@@ -36,16 +36,17 @@ class Cluster:
         until((folder / "scheduler.json").exists)
         self.address = json.loads((folder / "scheduler.json").read_text())["address"]
 
-    def join(self, **variables):
+    def join(self):
         name = f"worker-{len(self.begun)}"
-        self._begin("worker", self.address, "--nthreads", "1", "--name", name, **variables)
+        self._begin("worker", self.address, "--nthreads", "1", "--name", name)
         until(lambda: name in worker_names(self.address))
         return self.begun[-1]
 
-    def _begin(self, *arguments, **variables):
-        command = [sys.executable, "-m", "dask", *arguments, "--no-dashboard"]
-        found, nowhere = {**self.variables, **variables}, subprocess.DEVNULL
-        self.begun.append(subprocess.Popen(command, env=found, cwd=self.folder, stdout=nowhere, stderr=nowhere))
+    def _begin(self, *arguments):
+        command, nowhere = [sys.executable, "-m", "dask", *arguments, "--no-dashboard"], subprocess.DEVNULL
+        self.begun.append(
+            subprocess.Popen(command, env=self.variables, cwd=self.folder, stdout=nowhere, stderr=nowhere)
+        )
 
 
 def kill(process):
@@ -105,24 +106,6 @@ def test_a_cluster_gives_the_bits_of_a_local_run_though_a_worker_is_killed(clust
     (tmp_path / "hold").unlink()
     _, told = run.communicate()
     assert run.returncode == 0, told
-    assert parts(tmp_path / "far") == local
-
-
-def test_a_worker_of_other_bits_that_joins_late_ends_the_run_and_the_same_command_goes_on(
-    cluster, local, tmp_path, plugins
-):
-    first = cluster.join()
-    run = started(cluster, tmp_path, plugins)
-    other = cluster.join(NUMBA_OPT="1")
-    kill(first)  # all that is left goes to the other
-    (tmp_path / "hold").unlink()
-    _, told = run.communicate()
-    assert run.returncode == 2, told
-    assert "has other instructions than this machine: use workers of one kind of processor" in told
-    kill(other)
-    cluster.join()
-    again = finish(*FAR, cluster.address, plugins=plugins, cwd=tmp_path, prepare=be_patient)
-    assert again.returncode == 0, again.stderr
     assert parts(tmp_path / "far") == local
 
 

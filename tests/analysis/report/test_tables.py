@@ -86,7 +86,10 @@ def test_a_terminal_leaves_out_empty_columns_and_folds_and_drops_others_where_it
         ([interval(change)(-0.2, 0.05), interval(metres)(np.nan, 1.0)], ["-20 % to +5.0 %", ""]),
         ([metres(0.12345), count(20.0), microseconds(1.2e-5)], ["0.123", "20", "12"]),
         ([duration(s) for s in (40, 720, 5400)], ["40 s", "12 min", "1.5 h"]),
-        ([count_of(1, "trial"), count_of(3, "trial"), join_words("abc")], ["1 trial", "3 trials", "a, b and c"]),
+        (
+            [count_of(1, "trial"), count_of(3, "trial"), join_words("abc"), join_words([])],
+            ["1 trial", "3 trials", "a, b and c", ""],
+        ),
     ],
 )
 def test_each_kind_of_number_is_written_in_one_way(written, expected):
