@@ -187,7 +187,6 @@ def compare(
         baseline: the estimator that the row is compared with
         pairs: trials in which both succeeded
         difference [m]: mean over trials of RMSE minus the baseline's, with its t interval
-        bca_low, bca_high: interval of `change` by the BCa bootstrap, a cross-check
         decisive_trial: the number of the trial that alone decides `change`, see `statistics.decisive_trial`; nan: none
         p: p against equal RMSE, not adjusted; 1 where the one that looks better failed in a trial
         effect: matched-pairs rank-biserial correlation in [-1, 1]: in how many trials errors are smaller (negative)
@@ -253,7 +252,7 @@ def _against(
     base = cells[scenario, baseline]["mse"] if (scenario, baseline) in cells else pd.Series(dtype=float)
     both = pd.concat([base, cells[cell]["mse"]], axis=1, join="inner", keys=["base", "mine"]).dropna()
     a, b = both["base"].to_numpy(), both["mine"].to_numpy()
-    change, bca, n = statistics.change(a, b), statistics.change_bca(a, b), len(both)
+    change, n = statistics.change(a, b), len(both)
     other = estimator != baseline
     tested = other and n >= statistics.LEAST_TRIALS
     decisive = statistics.decisive_trial(a, b)
@@ -265,8 +264,6 @@ def _against(
         "pairs": n,
         **statistics.mean(np.sqrt(b) - np.sqrt(a)).columns("difference"),
         **change.columns("change"),
-        "bca_low": bca.low,
-        "bca_high": bca.high,
         "decisive_trial": both.index[decisive] if decisive is not None and other else np.nan,
         "p": 1.0 if p == p and lost[int(change.value < 0)] else p,
         "effect": statistics.rank_biserial(np.sqrt(a), np.sqrt(b)) if tested else np.nan,

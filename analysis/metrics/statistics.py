@@ -4,7 +4,7 @@ The rates at which these intervals and tests err are measured in `reports/statis
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from scipy import special, stats
@@ -14,8 +14,6 @@ from cooploc.estimators.interface import Array
 LEAST_TRIALS = 5
 LEVEL = 0.95
 Z = float(stats.norm.ppf((1 + LEVEL) / 2))
-RESAMPLES = 1999
-AT_ONCE = 1_000_000  # values of all resamples that are held together
 HALVES = np.array([-0.5, 0.5])  # of the logarithms of two mean squared errors: that of the ratio of their RMSE
 Quantile = Callable[[int], float]  # standard errors that an interval over n trials reaches to either side
 
@@ -111,31 +109,6 @@ def decisive_trial(a: Array, b: Array) -> int | None:
     left_out = np.log((b.sum() - b) / (a.sum() - a))
     shares = (left_out - left_out.mean()) ** 2
     return int(shares.argmax()) if shares.max() > 0.75 * shares.sum() else None
-
-
-def change_bca(a: Array, b: Array) -> Interval:
-    """Return `change` with the bias-corrected accelerated bootstrap (Efron 1987, eq. 2.3 and 6.6), a cross-check."""
-    value = float(_change(a, b)) if len(a) and a.mean() > 0 else np.nan
-    if len(a) < LEAST_TRIALS or not np.isfinite(value):
-        return Interval(value, np.nan, np.nan)
-    if np.allclose(b * a.mean(), a * b.mean(), rtol=1e-9):  # every resample is the same
-        return Interval(value, value, value)
-    batch = max(1, AT_ONCE // len(a))
-    how: Any = {"paired": True, "n_resamples": RESAMPLES, "batch": batch, "method": "percentile"}
-    # only its resamples are wanted: its own jackknife of BCa takes n x n values
-    resampled = stats.bootstrap((a, b), _change, rng=np.random.default_rng(0), **how).bootstrap_distribution
-    left_out = np.sqrt((b.sum() - b) / (a.sum() - a)) - 1
-    z0, z = stats.norm.ppf(((resampled < value).mean() + (resampled <= value).mean()) / 2), np.array([-Z, Z])
-    skew = left_out.mean() - left_out
-    acceleration = (skew**3).sum() / (6 * (skew**2).sum() ** 1.5)
-    at = stats.norm.cdf(z0 + (z0 + z) / (1 - acceleration * (z0 + z)))
-    low, high = np.quantile(resampled, at) if np.isfinite(at).all() else (np.nan, np.nan)
-    return Interval(value, float(low), float(high))
-
-
-def _change(a: Array, b: Array, axis: int = -1) -> Array:
-    relative: Array = np.sqrt(b.mean(axis) / a.mean(axis)) - 1
-    return relative
 
 
 def share(shares: Array) -> Interval:

@@ -345,7 +345,6 @@ def main() -> int:
         "Promised: 0.92 to 0.98. Rows in brackets are for comparison, and not promised.",
         {
             "change, jackknife on log ratio": rates("change", of_change(statistics.change)),
-            "(change, BCa)": rates("bca", of_change(statistics.change_bca, REPEATS // 4)),
             "RMSE, ANEES: jackknife on log mean": rates("positive", of_mean(statistics.mean_of_positive)),
             "(the same, all trials counted alike)": rates(
                 "even", of_mean(partial(statistics.mean_of_positive, reach=statistics.quantile))
@@ -445,7 +444,7 @@ HEADER = f"""
 
     make prove
 
-Worlds whose truth is known, {REPEATS} repetitions a rate (a quarter of them for BCa, families, ranks and
+Worlds whose truth is known, {REPEATS} repetitions a rate (a quarter of them for families, ranks and
 ledgers), at {", ".join(map(str, TRIALS))} trials. Mean squared errors of a trial are normal (standard deviation a
 seventh of the mean), lognormal (skewed: 0.5 in the logarithm) or heavy-tailed (|t| of three degrees of freedom, without
 a third moment); what is hard for one estimator in a trial is hard for all. A rate in **bold** misses the promise by

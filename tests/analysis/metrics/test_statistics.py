@@ -9,7 +9,6 @@ from statsmodels.stats.power import TTestPower
 from cooploc.analysis.metrics.sequential import FIXED, trials_to_exclude
 from cooploc.analysis.metrics.statistics import (
     change,
-    change_bca,
     decisive_trial,
     equivalence,
     expected_false,
@@ -108,16 +107,6 @@ def test_false_decisions_are_foreseen_from_the_tests_that_find_nothing():
     assert expected_false(np.ones(3)) == pytest.approx(0.05 * 8)
 
 
-@pytest.mark.parametrize("n", [5, 25, 400])
-def test_bca_is_scipys_on_the_same_resamples(n):
-    rng = np.random.default_rng(9)
-    a, b = rng.lognormal(0, 0.3, n), rng.lognormal(-0.5, 0.3, n)
-
-    kept = {"paired": True, "vectorized": False, "n_resamples": 1999, "rng": np.random.default_rng(0)}
-    plain = stats.bootstrap((a, b), lambda a, b: np.sqrt(b.mean() / a.mean()) - 1, **kept).confidence_interval
-    assert change_bca(a, b)[1:] == pytest.approx((plain.low, plain.high), rel=0, abs=1e-9)
-
-
 def test_a_contrast_of_logs_covers_a_ratio_of_ratios():
     rng, intervals = np.random.default_rng(10), []
     for _ in range(REPEATS):
@@ -168,7 +157,7 @@ def test_the_test_of_a_difference_rejects_five_percent_of_equals_and_agrees_with
 
 def test_nothing_is_claimed_below_five_trials():
     few = np.array([1.0, 2.0, 1.5, 1.2])
-    found = [mean_of_positive(few), mean(few), change(few, few * 2), change_bca(few, few * 2), share(few / 2)]
+    found = [mean_of_positive(few), mean(few), change(few, few * 2), share(few / 2)]
     assert np.isnan([*(one.low for one in found), equivalence(few, few, 0.05)]).all()
     assert np.isnan(log_contrast(np.stack([few, few], 1), np.array([1.0, -1.0])).low)
 
