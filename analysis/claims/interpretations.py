@@ -9,8 +9,7 @@ Perspectives on Psychological Science 11(5), 2016; D. Cohen et al., "The AETG sy
 combinatorial design", IEEE Trans. Software Engineering 23(7), 1997 (the greedy covering array).
 """
 
-import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from functools import cache
 from itertools import combinations, product
@@ -23,7 +22,6 @@ from cooploc.analysis.claims.kinds import Claim, Labels, LedgerTable
 from cooploc.estimators import make, nearest, parse
 from cooploc.estimators.building import RENAMED
 from cooploc.estimators.errors import BadInput
-from cooploc.scenarios import resolve
 
 CANDIDATES = 20  # rows that the greedy search tries before it takes one
 
@@ -170,7 +168,11 @@ def _changes(label: str, key: str, value: str) -> bool:
 
 @cache
 def _parameter_names(label: str) -> list[str]:
-    made: Any = make(label)
+    """Return the parameters of an estimator; none of one that is not on this machine."""
+    try:
+        made: Any = make(label)
+    except BadInput:
+        return []
     return [each.name for each in fields(made) if each.init] if is_dataclass(made) else []
 
 
@@ -186,41 +188,18 @@ def _parameters(reading: Interpretation, dimensions: Dimensions, name: str, of: 
 
 
 def find_error(dimensions: Dimensions, claims: Sequence[Claim]) -> str:
-    """Return the first thing that is wrong with the dimensions of a ledger, with its place; empty where all is well.
+    """Return the first name in a ledger's dimensions that means nothing, with its place; empty where all is well.
 
-    Each value of a parameter must fit the estimators and scenarios of the claims; an estimator that is not on this
-    machine is left out.
+    A value that does not fit its parameter is refused where it is first used.
     """
-    labels = dict.fromkeys(name for claim in claims for name in (*claim.of, *claim.than))
-    known = [label for label in labels if not _refusal(make, label)]
-    scenarios = [re.sub(r"\{([^{}]*)\.\.[^{}]*\}", r"\1", label) for claim in claims for label in claim.scenarios]
-    worlds = [label for label in dict.fromkeys(scenarios) if not _refusal(resolve, label)]
-    names = [parse(label)[0].partition("/")[0] for label in (*labels, *scenarios)]
+    labels = {name for claim in claims for name in (*claim.of, *claim.than)}
+    names = {parse(label)[0].partition("/")[0] for claim in claims for label in (*labels, *claim.scenarios)}
+    parameters = {key for label in labels for key in _parameter_names(label)}
     for name, one in dimensions.items():
-        for missing in set(one.only) - set(names):
-            return f"dimension {name!r}: only: the claims name no {missing!r}; {nearest(missing, names)}"
-        about = [label for label in known if not one.only or parse(label)[0] in one.only]
-        parameters = sorted({key for label in about for key in _parameter_names(label)})
         for choice, sets in one.choices.items():
-            reading, where = {name: choice}, f"dimension {name!r}: choice {choice!r}: "
-            for other in sets.settles:
-                if other == name or other not in dimensions:
-                    return f"{where}it settles {other!r}, not another dimension; {nearest(other, list(dimensions))}"
-            for key in sets.estimators if about else ():
-                if key not in parameters:
-                    near = nearest(key, parameters)
-                    return f"{where}no estimator that it is about has a parameter {key!r}; {near}"
-            reasons = [_refusal(lambda label: estimator(label, reading, dimensions), label) for label in about]  # noqa: B023
-            reasons += [_refusal(lambda label: resolve(scenario(label, reading, dimensions)), w) for w in worlds]  # noqa: B023
-            for why in filter(None, reasons):
-                return where + why
-    return ""
-
-
-def _refusal(build: Callable[[str], object], label: str) -> str:
-    """Return why a label cannot be built; empty where it can."""
-    try:
-        build(label)
-    except BadInput as e:
-        return str(e)
+            others = set(dimensions) - {name}
+            for used, known in ((one.only, names), (sets.settles, others), (sets.estimators, parameters)):
+                for unknown in set(used) - known:
+                    near = nearest(unknown, sorted(known))
+                    return f"dimension {name!r}: choice {choice!r}: nothing here is called {unknown!r}; {near}"
     return ""

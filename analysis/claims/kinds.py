@@ -66,7 +66,6 @@ class Claim(LedgerTable):
     # how a size of -0.66 can be read: as the change b/a - 1, or as the ratio a/b - 1; it is judged by the first
     definitions: Annotated[tuple[Literal["change", "ratio"], ...], Field(min_length=1)] = ("change", "ratio")
     open: tuple[str, ...] = ()  # conditions that the paper leaves open
-    why: str = ""  # it cannot be tested
 
     @model_validator(mode="after")
     def _fits_its_kind(self) -> "Claim":
@@ -345,7 +344,7 @@ def _decide_positive(interval: Interval, n: int, limit: float, table: TrialTable
 class Kind(NamedTuple):
     """A kind of claim: its judge, its keys in a ledger, and its words."""
 
-    judge: Callable[[Case, Claim, TrialTable], CaseVerdict] | None  # None: it cannot be tested
+    judge: Callable[[Case, Claim, TrialTable], CaseVerdict]
     scenarios: str  # of a case: "each" one, the first with each "later" one, or "all" (a range is possible)
     needs: AbstractSet[str]  # keys in the ledger
     may: AbstractSet[str] = frozenset()
@@ -416,5 +415,4 @@ KINDS = {
         judge_cost, "each", {"of", "than", "scenarios"}, _SIZED,
         "{of} takes {} [more/less] time than {than}", over=_PARTS,
     ),
-    "untestable": Kind(None, "each", {"why"}),
 }  # fmt: skip

@@ -15,7 +15,7 @@ import pandas as pd
 
 from cooploc.analysis.claims import interpretations
 from cooploc.analysis.claims.interpretations import Dimensions, Interpretation
-from cooploc.analysis.claims.kinds import KINDS, Case, cases, definitions
+from cooploc.analysis.claims.kinds import Case, cases, definitions
 from cooploc.analysis.claims.ledger import Ledger
 from cooploc.analysis.claims.trial_table import Missing, TrialTable, collect
 from cooploc.analysis.claims.verdicts import COLUMNS, JUDGED, judge_case, tally
@@ -48,8 +48,7 @@ def judge(ledger: Ledger, rows: pd.DataFrame, stopping: Stopping = FIXED) -> pd.
     ends = {end: design.index(getattr(interpretations, end)(dimensions)) for end in ENDS}
     out: list[dict[str, Any]] = []
     for claim in ledger.claims:
-        asked = cases(claim) if KINDS[claim.kind].judge else []
-        for case in [one._replace(definition=name) for one in asked for name in definitions(claim)]:
+        for case in [one._replace(definition=name) for one in cases(claim) for name in definitions(claim)]:
             for read, (choices, numbers) in specifications(case, design, dimensions).items():
                 row = judge_case(read, claim, table)
                 if row["verdict"] in JUDGED:

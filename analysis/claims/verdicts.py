@@ -3,7 +3,7 @@
 A verdict holds where its zone of numbers (`kinds`) holds the whole 95 % interval of the claim's number: alone it is
 false in at most one of twenty repetitions (measured in `reports/statistics.md`): *supported* in direction and size;
 *direction only*; *flat*, a growth within the claim's margin; *contradicted*, the other direction or no difference at
-all; else *undecided*, or *not testable*, or *not run*.
+all; else *undecided*, or *not run*.
 
 No estimator gains by failing: where one of a case failed in a trial or a check, the case is undecided, with a p of 1,
 unless it is contradicted in favour of one that did not fail. A verdict *stands* where `p_holm`, adjusted over all
@@ -30,7 +30,7 @@ from cooploc.analysis.metrics.consistency import flag
 from cooploc.analysis.metrics.errors import demand_same_streams
 from cooploc.analysis.metrics.sequential import ANYTIME, FIXED, Stopping
 
-VERDICTS = ("supported", "direction only", "flat", "contradicted", "undecided", "not testable", "not run")
+VERDICTS = ("supported", "direction only", "flat", "contradicted", "undecided", "not run")
 DECIDED, JUDGED = VERDICTS[:4], VERDICTS[:5]
 WOULD_BE = "it would be "  # begins the remark of a case that failures leave undecided
 CASE = ["claim", "scenario", "of", "than", "definition"]  # what makes a case of a ledger
@@ -98,8 +98,6 @@ def tally(found: "pd.Series[str]") -> str:
 
 def judge_claim(claim: Claim, table: TrialTable) -> list[dict[str, object]]:
     """Return a row for every case of a claim, with its verdict by other definitions of its size."""
-    if KINDS[claim.kind].judge is None:
-        return [{**_about(claim), "verdict": "not testable", "otherwise": "", "remark": claim.why}]
     out = []
     for case in cases(claim):
         first, *others = (judge_case(case._replace(definition=d), claim, table) for d in definitions(claim))
@@ -118,13 +116,12 @@ def _about(claim: Claim) -> dict[str, Any]:
 
 def judge_case(case: Case, claim: Claim, table: TrialTable) -> dict[str, Any]:
     """Return the row of a case of a claim."""
-    size, judge_kind = kinds.size_as_change(claim.size, case.definition), KINDS[claim.kind].judge
-    assert judge_kind is not None
+    size = kinds.size_as_change(claim.size, case.definition)
     asked = {"of": case.of, "than": ", ".join(case.than), "definition": case.definition, "size": size, **_about(claim)}
     try:
         scenarios = tuple(dict.fromkeys(s for label in case.scenarios for s in table.matching(label)))
         case = case._replace(scenarios=scenarios)
-        found = judge_kind(case, claim, table)
+        found = KINDS[claim.kind].judge(case, claim, table)
     except Missing as e:
         return {**asked, "scenario": ", ".join(case.scenarios), "verdict": "not run", "remark": str(e)}
     lost = find_lost(case, claim, table, found) if found.verdict in DECIDED else []
@@ -227,11 +224,11 @@ def open_cells(ledger: Ledger, rows: pd.DataFrame, found: pd.DataFrame) -> set[t
     still = found["verdict"].eq("undecided") & ~found["remark"].fillna("").str.startswith(WOULD_BE)
     going = still & found.index.isin(lasting(ledger, found).index)
     judged = [one for claim in ledger.claims for _, one in variants(claim, ledger)]
-    asked = [case for one in judged for case in (cases(one) if KINDS[one.kind].judge else [None])]  # as rows of `judge`
+    asked = [case for one in judged for case in cases(one)]  # as rows of `judge`
     return {
         names[canonical(s), canonical(e)]
         for case, is_open in zip(asked, going, strict=True)
-        if is_open and case
+        if is_open
         for label in case.scenarios
         for s, e in product(table.matching(label), (case.of, *case.than))
     }
@@ -274,8 +271,8 @@ def count_verdicts(verdicts: pd.DataFrame) -> VerdictCounts:
 
 def verdict_sentence(row: "pd.Series[Any]") -> str:
     """Return one verdict in words."""
-    if row["verdict"] in ("not testable", "not run"):
-        return f"{row['verdict'].capitalize()}: {row['remark']}."
+    if row["verdict"] == "not run":
+        return f"Not run: {row['remark']}."
     where, n = row["scenario"], f"{row['trials']:.0f}"
     kind, value, low, high = str(row["kind"]), float(row["value"]), float(row["low"]), float(row["high"])
     if value == low == high == 0:

@@ -1,7 +1,7 @@
 """Results of a study: RMSE by scenario, over a sweep, against consistency and cost, and relative to the baseline.
 
 `rmse`, `tradeoff` and `pareto` take errors, for a screen. The others take a table of `compare` with a column `floor`,
-for a report's page, whose panels are small figures that wrap, or for a paper, where they share one figure.
+in the style of a report's page or of a paper.
 """
 
 import re
@@ -34,7 +34,6 @@ LEAST = 3  # values from which a sweep is drawn as lines without being asked for
 TOGETHER = 6  # estimators that can still be distinguished in one panel
 MOST = 24  # estimators of an overview
 LETTER = 0.09  # [in] that a letter of a tick is wide
-PANEL = 3.5, 2.7  # [in] of a small figure
 
 
 # ------------------------------------------------------------------------------------------------ on a screen
@@ -149,8 +148,8 @@ def frontier(table: pd.DataFrame) -> pd.DataFrame:
 # ------------------------------------------------------------------------------------------------ on a page, in a paper
 
 
-def groups(part: pd.DataFrame, looks: Looks) -> list[list[str]]:
-    """Return the estimators of each panel of `sweep_panels`: all in one, or those of one method with its variants."""
+def _panels(part: pd.DataFrame, looks: Looks) -> list[list[str]]:
+    """Return the estimators of each panel of a sweep: all in one, or those of one method with its variants."""
     known = set(part["estimator"])
     names = [name for name in looks if name in known]
     if len(names) <= TOGETHER:
@@ -161,32 +160,23 @@ def groups(part: pd.DataFrame, looks: Looks) -> list[list[str]]:
     return [mine[i : i + TOGETHER] for mine in shared.values() for i in range(0, len(mine), TOGETHER)]
 
 
-def sweep_panels(part: pd.DataFrame, looks: Looks, short: Short, look: Style = PAGE) -> list[Figure]:
-    """Draw RMSE over what the scenarios sweep, a panel for each of `groups`, among all other estimators in grey."""
+def sweep_panels(part: pd.DataFrame, looks: Looks, short: Short, look: Style = PAGE) -> Figure:
+    """Draw RMSE over what the scenarios sweep; of many estimators a panel for each method, among all others in grey."""
     part = swept(part).sort_values("value", kind="stable")
-    shown = groups(part, looks)
-    alone, most = len(shown) == 1, max(map(len, shown))
+    shown = _panels(part, looks)
+    alone = len(shown) == 1
 
     def draw(ax: Axes, names: list[str]) -> None:
         def name(row: Row) -> str:
-            own = short(row["estimator"])
-            return "_" if len(names) == 1 and not alone else name_of(row, own) if look is PAGE else own
+            return "_" if len(names) == 1 and not alone else short(row["estimator"])
 
         draw_curves(ax, part, {one: looks[one] for one in names}, name, 0.22 if len(names) == 1 else 0.1)
         if not alone:
             ax.set_title(wrap_label(short(names[0]) if len(names) == 1 else names[0].partition("[")[0], 44))
-        if look is PAGE and len(names) > 1:
-            small: Any = {"fontsize": 6.5, "bbox_to_anchor": (0.0, -0.2), "borderpad": 0, "labelspacing": 0.3}
-            beside: Any = {"fontsize": 8, "bbox_to_anchor": (1.0, 1.0)}
-            ax.legend(frameon=False, loc="upper left", **(beside if alone else small))
 
-    draws = [partial(draw, names=names) for names in shown]
-    labels = part["parameter"].iloc[0], RMSE
-    if look is PAGE:
-        size = (look.width, 3.5) if alone else (PANEL[0], PANEL[1] + 0.16 * most * (most > 1))  # all alike
-        return [compose([one], look, size, labels) for one in draws]
     entries = sum(len(names) for names in shown if alone or len(names) > 1)
-    return [compose(draws, look, (look.width, 2.1 if alone else 1.15), labels, shared=True, entries=entries)]
+    size, labels = (look.width, 2.1 if alone else 1.15), (part["parameter"].iloc[0], RMSE)
+    return compose([partial(draw, names=names) for names in shown], look, size, labels, shared=True, entries=entries)
 
 
 def ranking(parts: Sequence[pd.DataFrame], looks: Looks, short: Short, look: Style = PAGE) -> Figure:
@@ -194,9 +184,8 @@ def ranking(parts: Sequence[pd.DataFrame], looks: Looks, short: Short, look: Sty
     parts = [part[part["rmse"].notna()] for part in parts]
     order = list(dict.fromkeys(name for part in parts for name in part.sort_values("rmse")["estimator"]))[::-1]
     refused = {row["estimator"] for part in parts for row in part.to_dict("records") if is_refused(row["certificate"])}
-    width, line = (5.0, 0.2) if look is PAGE else (look.width, 0.165)
-    titles = [wrap_label(str(part["scenario"].iloc[0]), int(18 * (width - 1.4) / len(parts))) for part in parts]
-    height = 0.55 + line * len(order) + 0.14 * (1 + max(title.count("\n") for title in titles))
+    titles = [wrap_label(str(part["scenario"].iloc[0]), int(18 * (look.width - 1.4) / len(parts))) for part in parts]
+    height = 0.55 + 0.17 * len(order) + 0.14 * (1 + max(title.count("\n") for title in titles))
 
     def draw(ax: Axes, part: pd.DataFrame, title: str) -> None:
         for row in part.to_dict("records"):
@@ -208,7 +197,7 @@ def ranking(parts: Sequence[pd.DataFrame], looks: Looks, short: Short, look: Sty
         ax.set_title(title)
 
     draws = [partial(draw, part=part, title=title) for part, title in zip(parts, titles, strict=True)]
-    return compose(draws, look, (width, height), (RMSE, ""), across=len(parts))
+    return compose(draws, look, (look.width, height), (RMSE, ""), across=len(parts))
 
 
 def scatter(part: pd.DataFrame, others: Sequence[str], looks: Looks, short: Short, look: Style = PAGE) -> Figure:
@@ -218,14 +207,11 @@ def scatter(part: pd.DataFrame, others: Sequence[str], looks: Looks, short: Shor
     def draw(ax: Axes, other: str) -> None:
         draw_against(ax, part[part[other].notna()], other, looks)
         ax.set(xlabel=NAMES[other].partition(" (")[0])
-        if look is PAGE:
-            ax.set_title(part["scenario"].iloc[0])
-        elif other == others[0]:
+        if other == others[0]:
             _add_keys(ax, part, looks, lambda row: short(row["estimator"]))
 
-    draws = [partial(draw, other=other) for other in others]
-    size, entries = (PANEL, 0) if look is PAGE else ((look.width, 2.1), part["estimator"].nunique())
-    return compose(draws, look, size, ("", RMSE), shared=True, across=len(others), entries=entries)
+    draws, entries = [partial(draw, other=other) for other in others], part["estimator"].nunique()
+    return compose(draws, look, (look.width, 2.1), ("", RMSE), shared=True, across=len(others), entries=entries)
 
 
 def overview(table: pd.DataFrame, looks: Looks, short: Short) -> Figure:
@@ -249,7 +235,7 @@ def overview(table: pd.DataFrame, looks: Looks, short: Short) -> Figure:
         ax.set_ylim(-0.6, len(ordered) - 0.4)
         set_log_scale(ax.xaxis, *span(part, "ratio"))
 
-    return compose([draw], PAGE, (9.0, 0.8 + 0.19 * len(ordered)), ("position RMSE / that of the baseline", ""))
+    return compose([draw], PAGE, (PAGE.width, 0.8 + 0.17 * len(ordered)), ("position RMSE / that of the baseline", ""))
 
 
 def compose(
@@ -268,8 +254,8 @@ def compose(
     a legend of `entries`.
     """
     across = min(len(draws), across or look.across)
-    down, lines, paper = ceil(len(draws) / across), ceil(entries / look.keys), look is not PAGE
-    height = min(size[1] * down + 0.15 * lines + 0.3 * (down > 1), style.TALLEST if paper else np.inf)
+    down, lines = ceil(len(draws) / across), ceil(entries / look.keys)
+    height = min(size[1] * down + 0.15 * lines + 0.3 * (down > 1), style.TALLEST)
     with mpl.rc_context(look.rc):
         figure = Figure(figsize=(size[0], height), layout="constrained")
         axes: Any = figure.subplots(down, across, sharey=True, sharex=shared and down > 1, squeeze=False)
@@ -279,7 +265,7 @@ def compose(
             style.finish(ax, (ax.get_xlabel() or labels[0]) * below, labels[1] * beside, grid="both")
             ax.minorticks_off()  # a sixth of the time and of the page
             ax.tick_params(labelbottom=below)
-            for line in ax.lines if paper else ():
+            for line in ax.lines:
                 line.set_markersize(min(line.get_markersize(), 4.5 if len(draws) <= 3 else 3.0))
         for ax in axes.flat[len(draws) :]:
             ax.remove()

@@ -53,7 +53,10 @@ class Style(NamedTuple):
 SVG: Any = {"svg.hashsalt": "cooploc", "text.parse_math": False}  # labels are text, whatever they hold
 LEFT = {**SVG, "axes.titlelocation": "left"}
 PAGE = Style(  # of a report's page: text stays text
-    {**LEFT, "svg.fonttype": "none", "font.sans-serif": ["DejaVu Sans"], "font.size": 9.0, "axes.titlesize": 9.0}, 7.4
+    {**LEFT, "svg.fonttype": "none", "font.sans-serif": ["DejaVu Sans"], "font.size": 9.0, "axes.titlesize": 9.0},
+    width=9.2,
+    across=4,
+    keys=5,
 )
 TEXT = 8.0  # [pt] of IEEE's two-column journals
 _TIMES: Any = {

@@ -36,25 +36,29 @@ HOLM = (
 )
 
 
-def claims(verdicts: pd.DataFrame, paper: str) -> Table:
-    """Return the ledger: one row per claim, reading and case."""
+def claims(verdicts: pd.DataFrame, ledger: Ledger) -> Table:
+    """Return the ledger: one row per claim, reading and case; of cases that were not run, one for each reason."""
     found = ("scenario", "of", "than", "value", "low", "high", "trials")
     columns = (
         text_column("claim"),
-        text_column("says", "says", "where", form=name_claim),
+        text_column("says", "head"),
         text_column("reading", "variant", "kind", "definition", "size", of=("variant",)),
         text_column("found", *found, of=("sentence",)),
         text_column("verdict", "verdict", "needed", "otherwise", of=("verdict",)),
         *HOLM,
         text_column("remark", of=("verdict", "remark"), form=_remark),
-        text_column("left open by the paper", "open"),
+        text_column("left open by the paper", "open", collapsed=True),
     )
     first = verdicts.groupby("claim", sort=False)["variant"].transform("first")
-    run = verdicts["verdict"] != "not run"  # the rest is shown once for each reason
+    run = verdicts["verdict"] != "not run"
     shown = verdicts[run | ((verdicts["variant"] == first) & ~verdicts.duplicated(["claim", "verdict", "remark"]))]
-    rows = shown.assign(sentence=[verdict_sentence(row) for _, row in shown.iterrows()]).to_dict("records")
-    marks = {"data-claim": "claim", "data-verdict": "verdict"}
-    return Table("claims", f"Verdicts on the claims of {paper}", columns, rows, marks)
+    rows = shown.assign(
+        sentence=[verdict_sentence(row) for _, row in shown.iterrows()],
+        head=[f"{claim}. {name_claim(*said)}" for claim, *said in shown[["claim", "says", "where"]].to_numpy()],
+        quote=shown["claim"].map({claim.id: claim.quote for claim in ledger.claims}),
+    ).to_dict("records")
+    marks = {"data-claim": "claim", "data-verdict": "verdict", "title": "quote"}
+    return Table("claims", f"Verdicts on the claims of {ledger.paper}", columns, rows, marks)
 
 
 def cases(part: pd.DataFrame) -> Table:
@@ -87,38 +91,16 @@ def cases_not_run(part: pd.DataFrame) -> str:
     return f"not run: {len(reasons)} of {count_of(len(stated), 'case')}: {'; '.join(kinds[:SHOWN])}{more}" * bool(kinds)
 
 
-def by_claim(table: Table, judged: pd.DataFrame, ledger: Ledger, readings: Mapping[str, str]) -> list[dict[str, Any]]:
-    """Return a section of the page for each claim, whose table leaves out what is the same in every row.
-
-    `readings` are those of `multiverse.sentences`.
-    """
-    quotes = {claim.id: claim.quote for claim in ledger.claims}
-    out: list[dict[str, Any]] = []
-    for claim, part in judged.groupby("claim", sort=False):
-        first = part.iloc[0]
-        counts = part.loc[part["variant"] == first["variant"], "verdict"].value_counts()
-        verdict = ", ".join(f"{count} {name}" if len(counts) > 1 else str(name) for name, count in counts.items())
-        caption = f"Claim {claim}: every reading and case that was run."
-        mine = [row for row in table.rows if row["claim"] == claim]
-        section = {
-            "head": f"{claim}. {name_claim(first['says'], first['where'])}: {verdict}",
-            "quote": quotes[str(claim)],
-            "readings": readings.get(str(claim), ""),
-            "open": str(first["open"]),
-            "table": Table(f"claims-{len(out) + 1}", caption, table.columns[2:-1], mine, table.marks),
-            "run": bool((part["verdict"] != "not run").any()),
-        }
-        out.append(section)
-    return out
-
-
-def overview(found: pd.DataFrame, verdicts: pd.DataFrame, ledger: Ledger) -> Table:
-    """Return claims by readings, with the numbers of the first."""
+def overview(
+    found: pd.DataFrame, verdicts: pd.DataFrame, ledger: Ledger, readings: Mapping[str, str] | None = None
+) -> Table:
+    """Return claims by readings, with the numbers of the first, and the sentences of `multiverse.sentences`."""
     columns = (
         text_column("claim"),
         text_column("the paper says", "says"),
         *(replace(text_column(head), right=True) for head in ("claimed", "found")),
         *(text_column("verdict" if name == BASE else str(name), str(name)) for name in found),
+        *([text_column("over all readings", "readings")] if readings else []),
     )
     says = {claim.id: claim.says for claim in ledger.claims}
     spans = {c: span_text(part) for c, part in verdicts[verdicts["variant"] == BASE].groupby("claim", sort=False)}
@@ -126,7 +108,8 @@ def overview(found: pd.DataFrame, verdicts: pd.DataFrame, ledger: Ledger) -> Tab
     for claim, verdict in found.to_dict("index").items():
         claimed, value = spans.get(str(claim), ("", ""))
         if any(verdict.values()):
-            rows.append({"claim": claim, "says": says[str(claim)], "claimed": claimed, "found": value, **verdict})
+            said = {"claim": claim, "says": says[str(claim)], "readings": (readings or {}).get(str(claim), "")}
+            rows.append({**said, "claimed": claimed, "found": value, **verdict})
     about = (
         "Verdicts by claim: as the paper states it, then in other readings; counts where cases differ; claims of which "
         "nothing was run are left out. Found: from the smallest to the largest of the cases, as the paper states it; "
@@ -153,7 +136,7 @@ def name_claim(says: str, where: str) -> str:
 
 def _remark(verdict: str, remark: object) -> str:
     """Return the remark; nothing where the sentence gives the reason already."""
-    return remark if isinstance(remark, str) and verdict not in ("not run", "not testable") else ""
+    return remark if isinstance(remark, str) and verdict != "not run" else ""
 
 
 # ------------------------------------------------------------------------------------------------ on the page
@@ -165,14 +148,18 @@ def claims_shown(kept: StoredRun, ledger: Ledger) -> dict[str, Any] | None:
     if not judged["verdict"].isin(JUDGED).any() and ledger == load():
         return None
     readings = multiverse.sentences(multiverse.judge(ledger, kept.rows, ANYTIME if kept.looks else FIXED))
-    table = claims(judged, ledger.paper)
-    sections = by_claim(table, judged, ledger, readings)
+    table = claims(judged, ledger)
+    columns = tuple(column for column in table.columns if column.head not in ("claim", "says"))
+    ran = set(judged.loc[judged["verdict"] != "not run", "claim"])
+    parts = [[row for row in table.rows if (row["claim"] in ran) == there] for there in (True, False)]
+    run, rest = (replace(table, name=f"claims-{i}", columns=columns, rows=rows) for i, rows in enumerate(parts))
     return {
         "paper": ledger.paper,
         "sentence": _sentence(judged),
-        "overview": overview(verdicts.overview(judged), judged, ledger),
-        "run": [one for one in sections if one["run"]],
-        "not_run": [one for one in sections if not one["run"]],
+        "overview": overview(verdicts.overview(judged), judged, ledger, readings),
+        "run": run,
+        "not_run": rest,
+        "missing": judged["claim"].nunique() - len(ran),
         "family": str(verdicts.count_verdicts(judged)),
         "table": table,
     }

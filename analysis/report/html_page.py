@@ -6,7 +6,7 @@ import io
 import itertools
 import re
 import warnings
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import cache
 from importlib.resources import files
@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import matplotlib as mpl
-import numpy as np
 import pandas as pd
 from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup, escape
@@ -29,16 +28,15 @@ from cooploc.analysis.formats import count_of
 from cooploc.analysis.metrics import ranking
 from cooploc.analysis.metrics.compare import outlier_warnings
 from cooploc.analysis.metrics.crlb import floors
-from cooploc.analysis.metrics.curves import sweep
 from cooploc.analysis.metrics.statistics import LEAST_TRIALS
 from cooploc.analysis.plot import results, style
 from cooploc.analysis.report import page_texts, result_tables, sentences
 from cooploc.analysis.report.claim_tables import claims_shown
+from cooploc.analysis.report.run_figures import DOTS, HOLLOW, RunFigure, draw_experiment
 from cooploc.analysis.report.run_numbers import (
     FLOORED,
     Labels,
     Numbers,
-    first_middle_last,
     group_by_sweep,
     numbers_of,
     rank_scenario,
@@ -54,7 +52,6 @@ FORMS = {"tex": "latex", "md": "markdown", "csv": "csv"}  # ending of a file -> 
 LONGEST_TITLE = 130  # characters of a study's description that is the page's title
 TRIALS = "trials"  # folder of a CSV file for each scenario
 FLOOR_PATHS, FLOOR_TRIALS = 16, 8  # over which a floor is taken, in a fifth of the time that one to 0.2 % takes
-MOST = 400_000  # RMSE values that a page holds; of more trials the first ones
 
 
 def write(kept: StoredRun, ledger: Ledger, out: Path) -> Path:
@@ -72,7 +69,7 @@ def write(kept: StoredRun, ledger: Ledger, out: Path) -> Path:
         texts[name] = csv_text(trials[scenario].rename_axis("trial").reset_index())
     about = {"tables": "Tables for LaTeX, Markdown and programs", TRIALS: "RMSE of every trial"}
     folders = {text: sorted(name for name in texts if name.startswith(folder)) for folder, text in about.items()}
-    texts[PAGE] = render({**context, "trials": compact(trials), "folders": folders})
+    texts[PAGE] = render({**context, "folders": folders})
     for folder in about:
         (out / folder).mkdir(parents=True, exist_ok=True)
     for name, text in texts.items():
@@ -173,18 +170,16 @@ def experiment(name: str, plan: dict[str, list[str]], numbers: Numbers, counter:
     anchor = "experiment-" + (plain if plain == name else f"{plain}-{hashlib.sha256(name.encode()).hexdigest()[:6]}")
     only = len(part) == len(table)
     texts = [] if only else [sentences.lowest_errors(found, part), sentences.over_confident_estimators(part)]
-    shown: list[dict[str, Any]] = []
     changed: list[Table] = []
     for (_, parameter), group in group_by_sweep(list(plan)).items():
-        rows = part[part["scenario"].isin(group)]
         if parameter:
-            changes = sentences.changes_over_sweep(group, dict.fromkeys(rows["estimator"]), results)
+            names = dict.fromkeys(part.loc[part["scenario"].isin(group), "estimator"])
+            changes = sentences.changes_over_sweep(group, names, results)
             texts.append(sentences.sweep_sentence(group, changes, results.stopping))
             changed.append(result_tables.sweep_table(f"{anchor}-sweep{len(changed) + 1}", changes, parameter))
-            shown.append(lines(rows, numbers, counter))
-        elif not (only and part["scenario"].nunique() <= FEW):  # else it is the first figure of the page
-            shown.append(dots(rows, numbers, counter))
-    shown.append(scatter(part, numbers, counter))
+    again = only and part["scenario"].nunique() <= FEW  # the first figure of the page
+    single = [] if again else group_by_sweep(list(plan)).get(("", ""), [])
+    drawn = draw_experiment(part, single, numbers.names, numbers.looks, style.PAGE)
     test = "confidence sequences of the change" if numbers.kept.looks else "t test of the change"
     few = f" Below {LEAST_TRIALS} trials there are no intervals." * bool(part["trials"].min() < LEAST_TRIALS)
     about = (
@@ -198,7 +193,7 @@ def experiment(name: str, plan: dict[str, list[str]], numbers: Numbers, counter:
         "anchor": anchor,
         "found": found,
         "sentences": list(filter(None, texts)),
-        "figures": shown,
+        "figures": [show(one, counter) for one in drawn],
         "tables": [every, *changed],
         "standings": result_tables.best(found, f"best-{anchor}"),
     }
@@ -219,104 +214,35 @@ def file_names(scenarios: Any) -> dict[str, str]:
     return {s: f"{TRIALS}/{i:03}-{name}.csv" for i, (s, name) in enumerate(zip(scenarios, plain, strict=True), 1)}
 
 
-def compact(trials: dict[str, pd.DataFrame]) -> list[dict[str, Any]]:
-    """Return what the page holds of each scenario: estimators, trials, and their RMSE to four digits."""
-    most = max(1, MOST // max(1, sum(len(one.columns) for one in trials.values())))
-    return [
-        {
-            "scenario": scenario,
-            "estimators": list(map(str, one.columns)),
-            "trials": [int(trial) for trial in one.index[:most]],
-            "every": len(one),
-            "rmse": [
-                [float(f"{v:.4g}") if np.isfinite(v) and v > 0 else None for v in one[name][:most]] for name in one
-            ],
-        }
-        for scenario, one in trials.items()
-    ]
-
-
 # ------------------------------------------------------------------------------------------------ figures
 
 
 def first_figure(numbers: Numbers, counter: Iterator[int]) -> dict[str, Any]:
     """Draw every RMSE of a few scenarios, or of many those relative to the baseline's."""
     ended = numbers.table[numbers.table["rmse"].notna()]
-    if ended["scenario"].nunique() <= FEW:
-        return dots(ended, numbers, counter)
+    if 0 < ended["scenario"].nunique() <= FEW:
+        parts = [part for _, part in ended.groupby("scenario", sort=False)]
+        return show(RunFigure(results.ranking(parts, numbers.looks, numbers.names.of), [], DOTS, ended), counter)
     baselines = ", ".join(map(numbers.names.of, dict.fromkeys(ended["baseline"])))
     number, most = ended["estimator"].nunique(), results.MOST
     some = f" Shown are the {most} of {number} that ran in the most scenarios." * (number > most)
     caption = (
         f"Position RMSE of every estimator divided by that of the baseline ({baselines}): a mark for each scenario, a "
-        f"bar at their median; left of the dotted line the error is smaller. Hollow: over-confident; grey: "
-        f"centralised.{some}"
+        f"bar at their median; left of the dotted line the error is smaller. {HOLLOW}.{some}"
     )
     drawn = results.overview(numbers.table, numbers.looks, numbers.names.of)
-    return _show([(drawn, "", [])], caption, counter, "whole")
+    return show(RunFigure(drawn, [], caption, ended), counter)
 
 
-def lines(rows: pd.DataFrame, numbers: Numbers, counter: Iterator[int]) -> dict[str, Any]:
-    """Draw RMSE over the value that the scenarios sweep."""
-    groups = results.groups(rows, numbers.looks)
-    figures = results.sweep_panels(rows, numbers.looks, numbers.names.of)
-    family, parameter, _ = sweep(rows["scenario"].iloc[0])
-    one = "each panel one estimator and its variants, all others in grey" if len(figures) > 1 else "with intervals"
-    caption = (
-        f"Position RMSE over {parameter} in {family}, {one}; bands are 95 % intervals over trials. Hollow markers: "
-        "over-confident; a broken line: so at most of the values; grey and dotted: centralised; black and dotted: the "
-        f"floor. {trial_counts(rows)}."
-    )
-    drawn = [(figure, "", names) for figure, names in zip(figures, groups, strict=True)]
-    return _show(drawn, caption, counter, "wide" if len(figures) == 1 else "")
-
-
-def dots(rows: pd.DataFrame, numbers: Numbers, counter: Iterator[int]) -> dict[str, Any]:
-    """Draw RMSE of every estimator, scenario by scenario."""
-    drawn: list[tuple[Figure, str, list[str]]] = [
-        (results.ranking([part], numbers.looks, numbers.names.of), str(scenario), [])
-        for scenario, part in rows.groupby("scenario", sort=False)
-        if part["rmse"].notna().any()
-    ]
-    caption = (
-        "Position RMSE, smallest on top, with 95 % intervals over trials. Hollow: over-confident; grey: centralised; "
-        f"dotted: the floor. {trial_counts(rows)}."
-    )
-    return _show(drawn, caption, counter, "wide")
-
-
-def scatter(rows: pd.DataFrame, numbers: Numbers, counter: Iterator[int]) -> dict[str, Any]:
-    """Draw accuracy against consistency and cost, in the first, the middle and the last scenario."""
-    ended = rows[rows["rmse"].notna()]
-    labels = list(dict.fromkeys(ended["scenario"]))
-    chosen = first_middle_last(labels)
-    there = ended[ended["scenario"].isin(chosen)]
-    drawn: list[tuple[Figure, str, list[str]]] = [
-        (results.scatter(part, [other], numbers.looks, numbers.names.of), str(label), [])
-        for label, part in there.groupby("scenario", sort=False)
-        for other in results.NAMES
-    ]
-    some = f" Shown are {len(chosen)} of {len(labels)} scenarios, the first, the middle and the last."
-    caption = (
-        "Accuracy against consistency (grey band: neither over-confident nor conservative), bytes and time, with 95 % "
-        "intervals over trials, cut off where they reach beyond the values. Broken line: the Pareto front, "
-        "estimators than which no other is at least as good in both and better in one; centralised ones are never on "
-        f"it, over-confident estimators (hollow) may be.{some * (len(chosen) < len(labels))} {trial_counts(there)}."
-    )
-    return _show(drawn, caption, counter, "middle", "Accuracy against consistency, bytes and time")
-
-
-def _show(
-    drawn: Iterable[tuple[Figure, str, list[str]]], caption: str, counter: Iterator[int], width: str, head: str = ""
-) -> dict[str, Any]:
-    """Return a figure of panels, which have what a page filters them by; one with a `head` can be folded away."""
-    panels = []
-    for figure, scenario, estimators in drawn:
-        label = f"{caption.partition(';')[0].partition('. ')[0]}{': ' * bool(scenario)}{scenario}"
-        svg = inline_svg(figure, next(counter), label)
-        panels.append({"svg": svg, "scenario": scenario, "estimators": estimators})
-    anchor = f"figure-{next(counter)}"
-    return {"anchor": anchor, "panels": panels, "caption": caption, "width": width, "head": head}
+def show(drawn: RunFigure, counter: Iterator[int]) -> dict[str, Any]:
+    """Return a figure as the page shows it, and its scenario where it has only one."""
+    number, scenarios = next(counter), list(drawn.rows["scenario"].unique())
+    return {
+        "anchor": f"figure-{number}",
+        "svg": inline_svg(drawn.figure, number, drawn.caption.partition(". ")[0]),
+        "caption": f"{drawn.caption} {trial_counts(drawn.rows)}.",
+        "scenario": scenarios[0] if len(scenarios) == 1 else "",
+    }
 
 
 def inline_svg(figure: Figure, number: int, label: str) -> Markup:

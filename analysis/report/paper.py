@@ -2,7 +2,7 @@
 
 import re
 import tomllib
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from functools import cache
 from importlib.metadata import version
 from importlib.resources import files
@@ -10,15 +10,14 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import pandas as pd
-from matplotlib.figure import Figure
 
 from cooploc.analysis.execution.run_directory import StoredRun
 from cooploc.analysis.metrics.consistency import OVER_CONFIDENT
 from cooploc.analysis.metrics.crlb import floors
 from cooploc.analysis.metrics.curves import sweep
-from cooploc.analysis.plot import results as figures
 from cooploc.analysis.plot import style
 from cooploc.analysis.report import result_tables, sentences
+from cooploc.analysis.report.run_figures import draw_experiment
 from cooploc.analysis.report.run_numbers import (
     FLOORED,
     Labels,
@@ -65,15 +64,16 @@ def write(kept: StoredRun, out: Path, columns: Sequence[str] = DEFAULT, scenario
     included: list[str] = []
     drawn: list[Path] = []
     for part in parts:
-        for figure, width, words, caption, rows in _figures(part, numbers.names):
-            name = f"{file_name(part.name, *words)}-{width}col"
-            legend = numbers.names.legend(dict.fromkeys(rows["estimator"]))
-            caption = " ".join([caption, *(f"{line}." for line in legend)])
-            paths = [out / "figures" / f"{name}.{ending}" for ending in ("pdf", "svg")]
-            style.save(figure, *paths, rc=style.PAPER[1].rc)
-            drawn += paths
-            body = rf"\includegraphics{{{name}}}"
-            included.append(_float("figure", width, f"fig:{name}", caption, body, ""))
+        looks = style.looks(part.rows["estimator"].unique())
+        for width, look in style.PAPER.items():
+            for figure, words, caption, rows in draw_experiment(part.rows, part.drawn, numbers.names, looks, look):
+                name = f"{file_name(part.name, *words)}-{width}col"
+                legend = [f"{line}." for line in numbers.names.legend(dict.fromkeys(rows["estimator"]))]
+                paths = [out / "figures" / f"{name}.{ending}" for ending in ("pdf", "svg")]
+                style.save(figure, *paths, rc=style.PAPER[1].rc)
+                drawn += paths
+                body = rf"\includegraphics{{{name}}}"
+                included.append(_float("figure", width, f"fig:{name}", " ".join([caption, *legend]), body, ""))
     used = pd.concat([part.rows for part in parts])
     included += [rf"\input{{tables/{name}}}" for name in tables]
     texts = {f"tables/{name}.tex": latex for name, latex in tables.items()}
@@ -100,45 +100,6 @@ def _parts(numbers: Numbers, scenarios: Sequence[str]) -> list[PaperPart]:
     every = [label for part in parts for label in (*part.drawn, *(s for s in part.scenarios if sweep(s)[1]))]
     floor = floors(every, kept.manifest["seed"], FLOORED)
     return [part._replace(rows=part.rows.assign(floor=part.rows["scenario"].map(floor))) for part in parts]
-
-
-# ------------------------------------------------------------------------------------------------ figures
-
-OVER = (
-    "Position RMSE over {} in {}; bands: 95 % intervals over trials. Hollow: over-confident, broken lines: so at most "
-    "values; grey and dotted: centralised."
-)
-DOTS = "Position RMSE with 95 % intervals over trials. Hollow: over-confident; grey: centralised; dotted: the floor."
-AGAINST = "Position RMSE against {} in {}, with 95 % intervals over trials. Hollow: over-confident; grey: centralised."
-OTHERS = {
-    "anees": "ANEES (grey band: consistent)",
-    "bytes": "bytes (broken: the Pareto front)",
-    "seconds": "time (broken: the Pareto front)",
-}
-
-
-def _figures(part: PaperPart, names: Labels) -> Iterator[tuple[Figure, int, list[str], str, pd.DataFrame]]:
-    """Draw every figure one and two columns wide, with that number, words for its file, its caption and its rows."""
-    looks = style.looks(part.rows["estimator"].unique())
-    rows_of = dict(list(part.rows[part.rows["rmse"].notna()].groupby("scenario", sort=False)))
-    single = [label for label in part.drawn if label in rows_of]
-    against = part.drawn or first_middle_last([label for label in part.scenarios if label not in single])
-    for width, look in style.PAPER.items():
-        for (family, parameter), labels in group_by_sweep(part.scenarios).items():
-            rows = part.rows[part.rows["scenario"].isin(labels)]
-            if parameter and rows["rmse"].notna().any():
-                made = figures.sweep_panels(rows, looks, names.of, look)[0]
-                yield made, width, [family, parameter], OVER.format(parameter, family), rows
-        across = 1 if width == 1 else 3
-        for i in range(0, len(single), across):
-            parts = [rows_of[label] for label in single[i : i + across]]
-            made = figures.ranking(parts, looks, names.of, look)
-            yield made, width, ["rmse", single[i]], DOTS, pd.concat(parts)
-        for label in filter(rows_of.__contains__, against):
-            for others in [tuple(OTHERS)] if width == 2 else [(other,) for other in OTHERS]:
-                made = figures.scatter(rows_of[label], others, looks, names.of, look)
-                caption = AGAINST.format(", ".join(OTHERS[other] for other in others), label)
-                yield made, width, ["-".join(others), label], caption, rows_of[label]
 
 
 # ------------------------------------------------------------------------------------------------ tables

@@ -16,8 +16,10 @@ scenarios = "trajectory[ticks=6]"
 [[claims]]
 id = "2"
 says = "<b>it flies</b>"
-kind = "untestable"
-why = "nothing here flies"
+kind = "level"
+of = "arl"
+scenarios = "nlos"
+size = 1.0
 """
 
 
@@ -36,13 +38,13 @@ def test_report_writes_a_page_and_its_tables_and_verdicts_prints_the_same_claims
     assert "out/index.html" in done.stdout
     page = (place / "out" / "index.html").read_text()
     assert 'data-claim="1"' in page
-    assert 'data-claim="2" data-verdict="not testable"' in page
+    assert 'data-claim="2" data-verdict="not run"' in page
     assert "&lt;b&gt;it flies&lt;/b&gt;" in page
     assert {f.suffix for f in (place / "out" / "tables").iterdir()} == {".tex", ".md", ".csv"}
     done = cooploc("verdicts", "one", "--ledger", "ledger.toml", cwd=place)
     assert done.returncode == 0, done.stderr
     assert "1. alone is better" in done.stdout
-    assert "nothing here flies" in done.stdout
+    assert "claims 2" in done.stdout
 
 
 def test_report_for_a_paper_writes_figures_tables_and_references(place):

@@ -294,7 +294,7 @@ def claim_with(**keys):
         (claim_with(), "kind: it is missing"),
         ({"paper": "p", "claims": []}, "claims"),
         (claim_with(kind="level", of="a", scenarios="s"), "'size'"),
-        (claim_with(**CHANGE, why="x"), "does not use 'why'"),
+        (claim_with(kind="level", of="a", scenarios="s", size=1, than="b"), "does not use 'than'"),
         (claim_with(**CHANGE, size=-0.03), "size -0.03 is not beyond margin"),
         (claim_with(**CHANGE, size="big"), "size"),
         ({"paper": "p", "claims": [{"id": "7", "says": "x", **CHANGE}] * 2}, "two claims of that id"),
@@ -353,7 +353,6 @@ LOOKED = read(
             {"id": "1", "says": "better", **CHANGE},
             {"id": "2", "says": "quicker", "kind": "cost", "of": "a", "than": "b", "scenarios": "s"},
             {"id": "3", "says": "elsewhere", **CHANGE, "scenarios": "t"},
-            {"id": "4", "says": "beyond any test", "kind": "untestable", "why": "none"},
         ],
     },
     "here",
@@ -364,7 +363,7 @@ def test_a_verdict_keeps_the_look_that_reached_it_and_what_is_open_keeps_its_cel
     equal = two(1.0, spread=0.3)
     better_at_first = equal.assign(mse=equal["mse"].mask((equal["estimator"] == "a") & (equal["trial"] < 20), 0.2))
     found = verdicts.judge_run(LOOKED, better_at_first, [10, 20, 40])
-    assert found["look"].tolist() == [10, 40, 0, 0]
+    assert found["look"].tolist() == [10, 40, 0]
     assert verdicts.verdict_text(found.iloc[0]) == "Supported at n = 10"
     assert verdicts.open_cells(LOOKED, better_at_first, found) == set()  # time never keeps a run going
     found = verdicts.judge_at_look(LOOKED, equal, 10)

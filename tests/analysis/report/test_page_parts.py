@@ -10,7 +10,6 @@ from made_runs import kept_from, rows_of
 from matplotlib.colors import to_rgb
 
 from cooploc import scenarios
-from cooploc.analysis.claims.trial_table import collect
 from cooploc.analysis.metrics.compare import compare
 from cooploc.analysis.plot import style
 from cooploc.analysis.report import html_page, page_texts
@@ -85,15 +84,6 @@ def test_failures_that_repeat_are_counted_though_their_numbers_differ():
     assert (first.message, first.trials) == ("ValueError: nan at tick 0", 3)
     assert first.where == ["nlos, a: trials 0, 3", "nlos, b: trial 1"]
     assert second.trials == 1
-
-
-def test_the_trials_of_a_page_are_those_of_the_run(rows):
-    rows.loc[(rows["estimator"] == "arl") & (rows["trial"] == 3), ["failure", "mse"]] = ["lost", np.nan]
-    trials = html_page.rmse_by_trial(compare(rows, "ekf-local", full=True), collect(rows))
-    first, *_ = html_page.compact(trials)
-    found = np.array(first["rmse"], float).T
-    assert np.allclose(found, trials[first["scenario"]].to_numpy(), rtol=1e-3, equal_nan=True)
-    assert np.isnan(found[3, first["estimators"].index("arl")])
 
 
 def luminance(colour):
