@@ -148,6 +148,11 @@ def frontier(table: pd.DataFrame) -> pd.DataFrame:
 # ------------------------------------------------------------------------------------------------ on a page, in a paper
 
 
+def _height(look: Style) -> float:
+    """Return the height [in] of a row of panels."""
+    return max(2.1, 0.29 * look.width)
+
+
 def _panels(part: pd.DataFrame, looks: Looks) -> list[list[str]]:
     """Return the estimators of each panel of a sweep: all in one, or those of one method with its variants."""
     known = set(part["estimator"])
@@ -175,7 +180,10 @@ def sweep_panels(part: pd.DataFrame, looks: Looks, short: Short, look: Style = P
             ax.set_title(wrap_label(short(names[0]) if len(names) == 1 else names[0].partition("[")[0], 44))
 
     entries = sum(len(names) for names in shown if alone or len(names) > 1)
-    size, labels = (look.width, 2.1 if alone else 1.15), (part["parameter"].iloc[0], RMSE)
+    size, labels = (
+        (look.width, _height(look) if alone else max(1.15, 0.7 * look.width / look.across)),
+        (part["parameter"].iloc[0], RMSE),
+    )
     return compose([partial(draw, names=names) for names in shown], look, size, labels, shared=True, entries=entries)
 
 
@@ -211,7 +219,9 @@ def scatter(part: pd.DataFrame, others: Sequence[str], looks: Looks, short: Shor
             _add_keys(ax, part, looks, lambda row: short(row["estimator"]))
 
     draws, entries = [partial(draw, other=other) for other in others], part["estimator"].nunique()
-    return compose(draws, look, (look.width, 2.1), ("", RMSE), shared=True, across=len(others), entries=entries)
+    return compose(
+        draws, look, (look.width, _height(look)), ("", RMSE), shared=True, across=len(others), entries=entries
+    )
 
 
 def overview(table: pd.DataFrame, looks: Looks, short: Short) -> Figure:

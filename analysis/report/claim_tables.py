@@ -91,9 +91,7 @@ def cases_not_run(part: pd.DataFrame) -> str:
     return f"not run: {len(reasons)} of {count_of(len(stated), 'case')}: {'; '.join(kinds[:SHOWN])}{more}" * bool(kinds)
 
 
-def overview(
-    found: pd.DataFrame, verdicts: pd.DataFrame, ledger: Ledger, readings: Mapping[str, str] | None = None
-) -> Table:
+def overview(found: pd.DataFrame, verdicts: pd.DataFrame, ledger: Ledger, readings: Mapping[str, str] = {}) -> Table:
     """Return claims by readings, with the numbers of the first, and the sentences of `multiverse.sentences`."""
     columns = (
         text_column("claim"),
@@ -108,8 +106,8 @@ def overview(
     for claim, verdict in found.to_dict("index").items():
         claimed, value = spans.get(str(claim), ("", ""))
         if any(verdict.values()):
-            said = {"claim": claim, "says": says[str(claim)], "readings": (readings or {}).get(str(claim), "")}
-            rows.append({**said, "claimed": claimed, "found": value, **verdict})
+            known = {"claimed": claimed, "found": value, "readings": readings.get(str(claim), "")}
+            rows.append({"claim": claim, "says": says[str(claim)], **known, **verdict})
     about = (
         "Verdicts by claim: as the paper states it, then in other readings; counts where cases differ; claims of which "
         "nothing was run are left out. Found: from the smallest to the largest of the cases, as the paper states it; "
