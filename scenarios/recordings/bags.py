@@ -27,7 +27,6 @@ from cooploc.scenarios.recordings.bag_storage import (
     stamp_of,
     storage_files,
 )
-from cooploc.scenarios.recordings.csv_files import read_places
 from cooploc.scenarios.recordings.schema import UNITS, TeamDescription
 from cooploc.scenarios.recordings.sqlite_recovery import recover
 from cooploc.scenarios.recordings.team_log import Measured, Series, TeamLog, build_log, order_series, reading_tables
@@ -297,10 +296,7 @@ def read_run(data: Path, place: Path, name: str, description: TeamDescription) -
     moves, poses = d.odometry_and_truth
     if moves.kind not in ODOMETRY:
         raise BadInput(f"{place}: a bag has odometry of kind {' or '.join(ODOMETRY)}, not {moves.kind!r}; correct kind")
-    anchors, landmarks = (read_places(data, table, d.delimiter) for table in (d.anchors, d.landmarks))
-    tables = [
-        (kind, several, (*d.robots, *fixed.names)) for kind, several, fixed in reading_tables(d, anchors, landmarks)
-    ]
+    tables = [(kind, several, (*d.robots, *fixed.names)) for kind, several, fixed in reading_tables(d)]
     sources: list[tuple[schema.Source, Sequence[str]]] = [(moves, ()), (poses, ())]
     sources += [(source, others) for _, several, others in tables for source in several]
     wanted = {topic for source, others in sources for topic, _, _ in topics_of(source, d.robots, others)}
@@ -337,4 +333,4 @@ def read_run(data: Path, place: Path, name: str, description: TeamDescription) -
 
     odometry, truth = by_robot(moves, ODOMETRY[moves.kind], "odometry"), by_robot(poses, ODOMETRY["pose"], "truth")
     readings = {kind: [m for table in several for m in measurements(table, others)] for kind, several, others in tables}
-    return build_log(place, name, d, odometry, truth, readings, anchors, landmarks, warnings)
+    return build_log(place, name, d, odometry, truth, readings, warnings)

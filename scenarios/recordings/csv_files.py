@@ -14,7 +14,6 @@ from cooploc.scenarios.recordings import schema
 from cooploc.scenarios.recordings.schema import LogColumn, ReadingColumns, Source, TeamDescription
 from cooploc.scenarios.recordings.team_log import (
     Measured,
-    Places,
     Series,
     TeamLog,
     build_log,
@@ -63,28 +62,12 @@ def read_run(data: Path, place: Path, name: str, description: TeamDescription) -
         zero = float((run.zero * np.array([column.factor for column in moves.time])).sum())
     odometry = _by_robot(run, moves, [getattr(moves, column) for column in schema.COLUMNS[moves.kind]])
     truth = _by_robot(run, poses, [poses.x, poses.y, poses.heading])
-    anchors, landmarks = (read_places(data, table, d.delimiter) for table in (d.anchors, d.landmarks))
     readings = {
         kind: [m for table in tables for m in _measurements(run, table, (*d.robots, *fixed.names))]
-        for kind, tables, fixed in reading_tables(d, anchors, landmarks)
+        for kind, tables, fixed in reading_tables(d)
     }
     warnings = list(dict.fromkeys(run.warnings))  # several tables may be in one file
-    return build_log(place, name, d, odometry, truth, readings, anchors, landmarks, warnings)._replace(zero=zero)
-
-
-def read_places(data: Path, declared: schema.PlacesTable | None, delimiter: str) -> Places:
-    """Return the fixed things that a table of the description names, those of its CSV file last."""
-    found: dict[str, tuple[float, float]] = dict(declared.places) if declared else {}
-    if declared and declared.file and declared.name and declared.x and declared.y:
-        columns = (declared.x, declared.y)
-        lines = read_lines(data / declared.file, [c.column for c in columns], [declared.name.column], delimiter)
-        for row, (name,) in enumerate(lines.names):
-            if name in found or np.isnan(lines.values[row]).any():
-                why = "was given before" if name in found else "has no place"
-                raise BadInput(f"{lines.at(row)}: {short_repr(name)} {why}; correct or remove the line")
-            x, y = lines.values[row] * [c.factor for c in columns]
-            found[name] = float(x), float(y)
-    return Places(tuple(found), np.array(list(found.values()), float).reshape(-1, 2))
+    return build_log(place, name, d, odometry, truth, readings, warnings)._replace(zero=zero)
 
 
 class CsvRows(NamedTuple):

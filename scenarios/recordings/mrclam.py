@@ -117,7 +117,6 @@ class Mrclam(BaseModel):
     sees: Literal["all", "one", "none"] = "all"  # who uses landmarks: all robots, only robot 1, none
     tick: Annotated[float, Field(ge=0.01, le=10)] = 0.1
     start: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.0  # [s] after every robot has truth and odometry
-    until: Literal["any", "all"] = "all"  # while all robots have truth; or while any has, masking the others'
     duration: Positive | None = None  # [s] at most
     sigma_v: Positive = 0.04  # [m/s]
     sigma_omega: Positive = 0.15  # [rad/s]
@@ -189,8 +188,7 @@ class Mrclam(BaseModel):
         """The prior's time [s], and the edges (T + 1,) of the ticks after it [s]."""
         times = [[series.time for series in of if series] for of in (self.log.truth, self.log.odometry)]
         begin = max(time[0] for of in times for time in of)
-        last = {"any": max, "all": min}[self.until]
-        end = min(last(time[-1] for time in of) for of in times)
+        end = min(time[-1] for of in times for time in of)
         length = min(end - begin - self.start, self.duration or np.inf)
         if length < self.tick:
             raise BadInput(

@@ -196,14 +196,13 @@ def resample_readings(
     log: TeamLog,
     grid: Grid,
     bias: Mapping[Channel, Array],
-    ranges_go_to: Literal["both", "measurer"],
     packets: Literal["every tick", "with a reading"],
 ) -> TeamReadings:
     """Return readings at the tick nearest to their stamps, ranges less their `bias` (n, others) [m]."""
     n, counts = len(log.robots), dict[str, Any]()
     tables = {c: np.empty((grid.ticks, n, 0, len(columns))) for c, columns in READING_COLUMNS.items()}
     for channel, readings in log.readings.items():
-        used = alternate_ranges(readings) if channel == "range" and ranges_go_to == "both" else readings
+        used = alternate_ranges(readings) if channel == "range" else readings
         if channel in bias:
             used = used._replace(values=used.values - bias[channel][used.robot, used.other][:, None])
         tables[channel], counts[channel] = cells(used, grid, n, len(other_names(log, channel)))

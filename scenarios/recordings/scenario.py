@@ -102,14 +102,14 @@ class TeamFolder:
         names = list(self.places)
         return [name for name in names if not any(is_part(name, other) for other in names if other != name)]
 
-    def others(self, name: str, same_set_up: bool) -> list[TeamLog]:
+    def others(self, name: str) -> list[TeamLog]:
         """Return the runs on which this one's models may be fitted: none is the same recording or is there twice."""
         patterns = self.description.set_ups
         return [
             self.log(other)
             for other in self.different
             if other != name
-            and (set_up(other, patterns) == set_up(name, patterns) or not same_set_up)
+            and set_up(other, patterns) == set_up(name, patterns)
             and not _same(self.log(name), self.log(other))
         ]
 
@@ -148,7 +148,6 @@ class TeamScenario(schema.Model):
     data: Path  # the directory of log.toml
     described: str = ""  # the name of a shipped description; where empty, log.toml in the directory
     run: str = ALL
-    fitted_on: Literal["same set-up", "all others"] = "same set-up"  # which of the other runs
     bias: Literal["fitted", "none"] = "fitted"  # of ranges: subtracted as fitted; or raw, and part of sigma
     correlation: Literal["inflate", "ignore"] = "inflate"  # of readings in time: a larger sigma, or none
     robust: bool = True  # whether Huber's loss is minimised, so that one bad run counts little
@@ -188,7 +187,7 @@ class TeamScenario(schema.Model):
         if fit.on == "first part":
             parts = [FitPart(log, begin, first, lines)]
         else:
-            others = self.folder.others(self.run, self.fitted_on == "same set-up") if fit.on == "other runs" else []
+            others = self.folder.others(self.run) if fit.on == "other runs" else []
             parts = [FitPart(other, *sampling.span(other), lines) for other in others]
         models = team_models(log, parts, self._fit_settings(grid.tick))
         if self.folder.description.arena:
@@ -244,7 +243,7 @@ class TeamScenario(schema.Model):
         valid: Mask = np.asarray(np.isfinite(path).all(-1))
         u = [sampling.odometry(log.odometry_kind, series, grid, gaps.hold) for series in log.odometry]
         odometry = np.stack(u, 1) * models.scales
-        seen = resample_readings(log, grid, models.bias, self._sample.ranges_go_to, self.packets)
+        seen = resample_readings(log, grid, models.bias, self.packets)
         turns = None if log.odometry_kind == "displacement" else odometry[..., 1] * grid.dt[:, None]
         where = [f"run {log.name!r}: robot {robot!r}" for robot in log.robots]
         belief, source = start_belief(log.robots, where, self._prior, arena, poses, turns)

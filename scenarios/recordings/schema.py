@@ -111,11 +111,6 @@ Place = tuple[float, float]  # [m]
 Name = Annotated[str, Field(pattern=r"^[^\s,/{}\[\]]+$", max_length=60)]
 
 
-def _require_inside(file: str | None) -> None:
-    if file is not None and (Path(file).is_absolute() or ".." in Path(file).parts):
-        raise ValueError(f"file is {file!r}; name one inside the directory")
-
-
 Several = BeforeValidator(lambda given: given if isinstance(given, list | tuple) else [given])  # or one by itself
 TimeColumns = Annotated[tuple[Seconds, ...], Field(min_length=1), Several]
 
@@ -136,7 +131,8 @@ class Source(Strict):
     def _is_somewhere(self) -> Self:
         if (self.file is None) == (self.topic is None and not self.topics):
             raise ValueError('state where it is: file = "..." (CSV), or topic = "..." (a bag)')
-        _require_inside(self.file)
+        if self.file is not None and (Path(self.file).is_absolute() or ".." in Path(self.file).parts):
+            raise ValueError(f"file is {self.file!r}; name one inside the directory")
         named = self.file is not None and ("{robot}" in self.file or "{run}" in self.file)
         if self.file is not None and named == (self.robot is not None):
             raise ValueError('whose lines are they: file = "..._{robot}.csv", or robot = "the column of names"')
@@ -243,23 +239,9 @@ class SightingsTable(ReadingColumns):
 
 
 class PlacesTable(Strict):
-    """Fixed things, by name: `places` here, or a CSV file of them (one for all runs, beside log.toml)."""
+    """Fixed things, by name."""
 
-    places: Mapping[Name, Place] = {}  # [m]
-    file: str | None = None
-    name: Number | None = None  # columns of the file
-    x: Metres | None = None
-    y: Metres | None = None
-
-    @model_validator(mode="after")
-    def _are_somewhere(self) -> Self:
-        columns = [self.name, self.x, self.y]
-        if (self.file is None) != (None in columns) or (self.file is None and any(columns)):
-            raise ValueError("a file of places needs the columns name, x and y")
-        _require_inside(self.file)
-        if not self.places and self.file is None:
-            raise ValueError("there are no places; give places = { name = [x, y] }, or a file")
-        return self
+    places: Annotated[Mapping[Name, Place], Field(min_length=1)]  # [m]
 
 
 # ---- The description of a team's recordings
@@ -278,7 +260,6 @@ class Sample(Strict):
     max_gap: Positive = 0.5  # [s] truth is not interpolated across longer gaps
     max_hold: Positive = 2.0  # [s] a speed or a turn rate holds until the next line, at most so long
     start: Annotated[float, Field(ge=0)] = 0.0  # [s] left out at the beginning
-    ranges_go_to: Literal["both", "measurer"] = "both"  # both: a pair's ranges go to its robots in turn, each once
     duration: Positive | None = None  # [s] at most
 
 

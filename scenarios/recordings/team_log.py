@@ -17,7 +17,7 @@ import numpy as np
 
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Indices, Mask
-from cooploc.scenarios.recordings.schema import GroundTruth, ReadingColumns, TeamDescription
+from cooploc.scenarios.recordings.schema import GroundTruth, PlacesTable, ReadingColumns, TeamDescription
 from cooploc.scenarios.recordings.text_files import count_of, time_order
 
 MARGIN = 2.0  # [m] around all fixed things
@@ -175,13 +175,17 @@ class Measured(NamedTuple):
     source: str  # file or topic
 
 
-def reading_tables(
-    d: TeamDescription, anchors: Places, landmarks: Places
-) -> Iterator[tuple[Kind, Sequence[ReadingColumns], Places]]:
+def stated_places(stated: PlacesTable | None) -> Places:
+    """Return the fixed things that a table of a description names."""
+    places = stated.places if stated else {}
+    return Places(tuple(places), np.array(list(places.values()), float).reshape(-1, 2))
+
+
+def reading_tables(d: TeamDescription) -> Iterator[tuple[Kind, Sequence[ReadingColumns], Places]]:
     """Yield each kind of reading, its tables in a description, and the fixed things that it may be of."""
-    yield "range", d.ranges, anchors
-    yield "rssi", d.rssi, anchors
-    yield "sighting", d.sightings, landmarks
+    yield "range", d.ranges, stated_places(d.anchors)
+    yield "rssi", d.rssi, stated_places(d.anchors)
+    yield "sighting", d.sightings, stated_places(d.landmarks)
 
 
 def build_log(
@@ -191,8 +195,6 @@ def build_log(
     odometry: Mapping[str, Series],
     truth: Mapping[str, Series],
     measured: Mapping[Kind, Sequence[Measured]],
-    anchors: Places,
-    landmarks: Places,
     warnings: Sequence[str],
 ) -> TeamLog:
     """Return the log of what was found of each robot."""
@@ -217,11 +219,12 @@ def build_log(
     if not any(poses):
         raise BadInput(f"{place}: no robot has a truth; correct [truth] of log.toml")
     readings: dict[Channel, ReadingSeries] = {}
-    for kind, _, fixed in reading_tables(d, anchors, landmarks):
+    for kind, _, fixed in reading_tables(d):
         channels, left_out = split_channels(kind, measured[kind], robots, fixed.names)
         readings |= channels
         notes += left_out
     moved = tuple(odometry[robot] for robot in robots)
+    landmarks, anchors = stated_places(d.landmarks), stated_places(d.anchors)
     return TeamLog(name, robots, moves.kind, moved, tuple(poses), readings, landmarks, anchors, tuple(notes))
 
 

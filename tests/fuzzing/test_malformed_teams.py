@@ -10,7 +10,6 @@ import cooploc as cl
 from cooploc.estimators.errors import BadInput
 
 SHORT = DESCRIPTION.replace("seconds = 60.0", "seconds = 4.0")
-ANCHORS = "[anchors]\nplaces = { north = [1, 2] }\n[fit]"
 
 # What is replaced in log.toml, by what, and a part of what is said.
 IN_TOML = [
@@ -39,9 +38,7 @@ IN_TOML = [
     ('other = "to"', "", "what was measured"),
     ('range = "d"', "", "name the column"),
     ('range = "d"', 'range = "d"\neach = { north = "d" }', "name the column"),
-    ("[fit]", "[anchors]\n[fit]", "there are no places"),
-    ("[fit]", '[anchors]\nfile = "places.csv"\n[fit]', "needs the columns name, x and y"),
-    ("[fit]", '[anchors]\nfile = "p.csv"\nname = "n"\nx = "x"\ny = "y"\n[fit]', "p.csv: there is no such file"),
+    ("[fit]", "[anchors]\n[fit]", "anchors.places: it is missing"),
     ("[fit]", "[sample]\nstart = 100\n[fit]", "to be judged, less than a tick"),
     ("[fit]", '[prior]\nposition = "somewhere"\n[fit]', "prior.position"),
     ("[fit]", "[prior]\nheading = { red = 0.0 }\n[fit]", "name each of red, blue"),

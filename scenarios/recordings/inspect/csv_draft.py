@@ -186,18 +186,9 @@ NAMES = ("robot", "other")  # quantities whose values are names
 
 
 def infer_columns(table: CsvTable) -> tuple[Guess, ...]:
-    """Guess the meaning of each column; the first unknown one that rises throughout is the time if no other is."""
+    """Guess the meaning of each column."""
     file_side = side_of(words_of(Path(table.name).stem))
-    guesses = [_guess(table, column, file_side) for column in table.columns]
-    if not any(guess.quantity in ("time", "sec") for guess in guesses):
-        for i, guess in enumerate(guesses):
-            values = table.numbers(guess.column)
-            if not guess.quantity and len(values) > 10 and (np.diff(values) > 0).all():
-                unit, why = _time_unit(values)
-                why = f"it is the first column that rises; {why}"
-                guesses[i] = guess._replace(quantity="time", unit=unit, reason=why)
-                break
-    return tuple(guesses)
+    return tuple(_guess(table, column, file_side) for column in table.columns)
 
 
 def _guess(table: CsvTable, column: str, file_side: str) -> Guess:
@@ -280,7 +271,6 @@ class TablePart(NamedTuple):
     files: tuple[CsvTable, ...]
     columns: dict[str, Guess]  # quantity -> column; with time, robot and other where the files have them
     kind: str = ""  # of odometry
-    each: tuple[Guess, ...] = ()  # a column for each thing that is measured
 
     def names(self, quantity: str) -> tuple[str, ...]:
         """Return the names in the column of a quantity; none without one."""
@@ -312,15 +302,12 @@ def _parts(file: CsvTable) -> list[TablePart]:
     truth = _first_columns(left, ("x", "y", "heading"), ("truth",) if has_truth else ("",))
     if {"x", "y"} <= truth.keys():
         parts.append(TablePart("truth", (file,), shared | truth))
-    ranges, bearings, rssi = ([g for g in left if g.quantity == q] for q in ("range", "bearing", "rssi"))
-    if bearings and ranges:
-        parts.append(TablePart("sightings", (file,), shared | {"range": ranges[0], "bearing": bearings[0]}))
-    for table, quantity, found in (("ranges", "range", ranges), ("rssi", "rssi", rssi)):
-        if len(found) > 1:  # a column for each thing measured
-            alone = {q: g for q, g in shared.items() if q != "other"}
-            parts.append(TablePart(table, (file,), alone, each=tuple(found)))
-        elif found and not (quantity == "range" and bearings):
-            parts.append(TablePart(table, (file,), shared | {quantity: found[0]}))
+    readings = {q: g for q in ("range", "bearing", "rssi") if (g := [g for g in left if g.quantity == q])}
+    alone = {q: g for q, g in shared.items() if q != "other"}  # where there is a column for each thing measured
+    for table, quantities in (("sightings", ("range", "bearing")), ("ranges", ("range",)), ("rssi", ("rssi",))):
+        if readings.keys() >= {*quantities} and not (table == "ranges" and "bearing" in readings):
+            own = {q: readings[q][0] for q in quantities}
+            parts.append(TablePart(table, (file,), (alone if len(readings[quantities[0]]) > 1 else shared) | own))
     return parts
 
 
@@ -344,31 +331,31 @@ def _first_columns(
 
 
 def _merge_parts(parts: Sequence[TablePart], unused: list[str]) -> list[TablePart]:
-    """Merge parts of the same table and columns; of odometry and truth keep the one with the most files."""
-    groups: dict[Any, list[TablePart]] = {}
+    """Merge parts of the same table and columns; of all but readings keep the one with the most files."""
+    merged: dict[Any, TablePart] = {}
     for part in parts:
-        alike = frozenset((q, g.column) for q, g in part.columns.items())
-        groups.setdefault((part.table, part.kind, alike, tuple(g.column for g in part.each)), []).append(part)
-    merged: dict[str, list[TablePart]] = {}
-    for group in groups.values():
-        columns = group[0].columns.copy()
-        for q, guess in columns.items():
-            units = {part.files[0].name: part.columns[q].unit for part in group}
-            if len({*units.values()}) > 1:
-                unit = next((u for u in units.values() if u in UNITS), guess.unit)
-                seen = ", ".join(f"{name} {u}" for name, u in units.items())
-                columns[q] = guess._replace(unit=unit, reason=f"files differ: {seen}, perhaps")
-        files = tuple(part.files[0] for part in group)
-        merged.setdefault(group[0].table, []).append(group[0]._replace(columns=columns, files=files))
-    kept = []
-    for table, own in merged.items():
-        own.sort(key=lambda part: -len(part.files))
-        count = len(own) if table in READINGS else 1
-        kept += own[:count]
-        for part in own[count:]:
+        key = part.table, part.kind, frozenset((q, g.column) for q, g in part.columns.items())
+        if key in merged:
+            before = merged[key]
+            columns = {q: _common_unit(g, part.columns[q], part.files[0]) for q, g in before.columns.items()}
+            part = before._replace(columns=columns, files=(*before.files, *part.files))
+        merged[key] = part
+    kept: list[TablePart] = []
+    for part in sorted(merged.values(), key=lambda part: -len(part.files)):
+        if part.table in READINGS or part.table not in {other.table for other in kept}:
+            kept.append(part)
+        else:
             names = ", ".join(part.file_names)
-            unused.append(f"{names}: looks like {table} too, but has other columns than the rest; make them alike")
+            unused.append(f"{names}: looks like {part.table} too, but has other columns than the rest; make them alike")
     return kept
+
+
+def _common_unit(guess: Guess, other: Guess, file: CsvTable) -> Guess:
+    """Return the guess for a column of several files; of two units that of SI is more probable."""
+    if guess.unit == other.unit:
+        return guess
+    better = guess if guess.unit in UNITS else other
+    return better._replace(reason=f"files differ, in {file.name} it is {other.unit}, perhaps")
 
 
 # --- The draft
@@ -410,8 +397,7 @@ def _draft_run(folder: Path, data: Path) -> tuple[Draft, tuple[str, ...]]:
     entries.append(Entry("robots", list(robots), why, "likely"))
     if delimiter != ",":
         entries.append(Entry("delimiter", delimiter, "between the names in the first line"))
-    places = {name for part in parts for name in part.names("name")}
-    drafted = [_draft_table(part, robots, places, runs) for part in parts]
+    drafted = [_draft_table(part, robots, runs) for part in parts]
     unused += [table for table in drafted if isinstance(table, str)]
     tables = tuple(table for table in drafted if isinstance(table, DraftTable))
     columns = []
@@ -443,7 +429,7 @@ def _robots(folder: Path, parts: Sequence[TablePart]) -> tuple[str, ...]:
     own = [part for part in parts if part.table in ("odometry", "truth")]
     if column := next((part for part in own if "robot" in part.columns), None):
         return column.names("robot")
-    for part in sorted(own, key=lambda part: -len(part.files)):
+    for part in own:
         if names := file_pattern(part.file_names)[1]:
             return names
     files = {name for part in own for name in part.file_names}
@@ -470,13 +456,12 @@ def file_pattern(files: Sequence[str], known: Sequence[str] = ()) -> tuple[str, 
     return (best, tuple(dict.fromkeys(robots))) if len(robots) > 1 or len(files) == len(robots) else (files[0], ())
 
 
-def _draft_table(part: TablePart, robots: tuple[str, ...], places: set[str], runs: bool) -> DraftTable | str:
+def _draft_table(part: TablePart, robots: tuple[str, ...], runs: bool) -> DraftTable | str:
     """Return one table of log.toml; or why it cannot be used."""
     table, files, columns, readings = part.table, part.file_names, part.columns, part.table in READINGS
     names = ", ".join(files)
     if table in ("anchors", "landmarks"):
-        lines = [_entry(quantity, guess) for quantity, guess in columns.items()]
-        return DraftTable(table, (Entry("file", files[0], "it has names and places, and no stamps"), *lines))
+        return DraftTable(table, (Entry("places", _surveyed(part), f"{files[0]} has names and places, and no stamps"),))
     pattern, named = file_pattern(files, robots)
     if runs:
         file = Entry("file", f"{{run}}{Path(files[0]).suffix}", "a file for each run")
@@ -487,29 +472,27 @@ def _draft_table(part: TablePart, robots: tuple[str, ...], places: set[str], run
         columns = {q: g for q, g in columns.items() if q != "robot"}
     else:
         return f"{names}: looks like {table}, but does not say whose it is; add a column `robot`"
+    if readings and "other" not in columns:
+        return f"{names}: looks like {table}, but does not say to whom; add a column `to` with names, or write `each`"
     time = [columns[q] for q in STAMPS if q in columns]
     stamps, why = [_column(guess) for guess in time], "; ".join(guess.reason for guess in time)
     entries = [Entry("kind", part.kind, "its columns")] if part.kind else []
     entries += [file, Entry("time", stamps if len(stamps) > 1 else stamps[0], why)]
     entries += [_entry(q, columns[q]) for q in columns if q not in STAMPS and (q != "other" or readings)]
-    nodes: dict[str, str] = {}
-    for quantity in ("robot", "other"):
-        nodes |= _nodes(part.names(quantity), robots, places) if quantity in columns else {}
-    if nodes:
-        why = "names in the files that are not names of robots, in their order"
-        entries.append(Entry("nodes", nodes, why, "perhaps"))
-    if part.each:
-        each: dict[str, Any] = {}
-        for guess in part.each:
-            fits = [name for name in (*robots, *places) if guess.column.lower().endswith(name.lower())]
-            each |= {name: _column(guess) for name in sorted(fits, key=len)[-1:]}
-        if not each:
-            measured = ", ".join(guess.column for guess in part.each)
-            return f"{names}: {measured}: it is not known where what they measure is; add [anchors]"
-        entries.append(Entry("each", each, "a column for each thing that is measured", "likely"))
-    elif readings and "other" not in columns:
-        return f"{names}: looks like {table}, but does not say to whom; add a column `to` with names"
     return DraftTable(table, tuple(entries))
+
+
+def _surveyed(part: TablePart) -> dict[str, list[float]]:
+    """Return the places [m] in a file by name; blanks and signs that a name cannot have become _."""
+    file, columns = part.files[0], part.columns
+    words = file.columns[columns["name"].column]
+    named = words if isinstance(words, tuple) else [f"{number:g}" for number in words]
+    x, y = (np.asarray(file.columns[columns[q].column], float) * UNITS["m"][columns[q].unit] for q in "xy")
+    return {
+        re.sub(r"[\s,/{}\[\]]", "_", name): [float(a), float(b)]
+        for name, a, b in zip(named, x, y, strict=True)
+        if name and np.isfinite([a, b]).all()
+    }
 
 
 def _entry(quantity: str, guess: Guess) -> Entry:
@@ -520,16 +503,3 @@ def _entry(quantity: str, guess: Guess) -> Entry:
 def _column(guess: Guess) -> Any:
     """Return a column in TOML: its name alone if its unit is SI."""
     return guess.column if guess.unit in UNITS else {"column": guess.column, "unit": guess.unit}
-
-
-def _nodes(names: Sequence[str], robots: tuple[str, ...], places: set[str]) -> dict[str, str]:
-    """Map names in a column to names of robots: those that differ in case or by a prefix, else in their order."""
-    strange = [name for name in names if name not in robots and name not in places]
-    found = {}
-    for name in strange:
-        alike = [r for r in robots if r.lower().endswith(name.lower()) or name.lower().endswith(r.lower())]
-        if len(alike) == 1:
-            found[name] = alike[0]
-    if not found and len(strange) == len(robots) and not {*names} & {*robots}:
-        found = dict(zip(sorted(strange), robots, strict=True))
-    return found

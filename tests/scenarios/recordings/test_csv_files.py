@@ -65,13 +65,6 @@ def test_a_range_to_a_place_is_one_of_an_anchor(lab):
     assert log.anchors.names == tuple(ANCHORS)
     assert np.bincount(log.readings["anchor_range"].other).tolist() == [len(log.readings["range"].time)] * 3
     assert log.warnings == ()
-    (lab / "places.csv").write_text(
-        "id,east,north\n" + "".join(f"{n},{x * 100},{y}\n" for n, (x, y) in ANCHORS.items())
-    )
-    table = '[anchors]\nfile = "places.csv"\nname = "id"\nx = { column = "east", unit = "cm" }\ny = "north"\n[fit]'
-    surveyed = read(lab, ("[fit]", table))
-    np.testing.assert_allclose(surveyed.anchors.positions, log.anchors.positions)
-    same(surveyed, log)
 
 
 def test_a_truncated_last_line_is_left_out_and_told(lab):

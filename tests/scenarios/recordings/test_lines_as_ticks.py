@@ -135,8 +135,6 @@ def test_nothing_is_fitted_across_set_ups(data):
     write(data, "e", lines(4))
     on = {name: simulate(data, name)[1].notes["models"]["fitted_on"] for name in ("a", "b", "c", "c2")}
     assert on == {name: f"the other runs {other}" for name, other in zip(on, ("b", "a", "c2", "c"), strict=True)}
-    across = simulate(data, fitted_on="all others")[1].notes["models"]["fitted_on"]
-    assert across == "the other runs b, c, c2, e"
     assert "run 'e' is fitted on no other run, too little for sigma_v" in refused(data, "e")
 
 

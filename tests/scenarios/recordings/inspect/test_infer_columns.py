@@ -64,9 +64,9 @@ def test_values_say_the_unit_where_the_name_does_not(tmp_path, name, values, uni
     assert found.reason
 
 
-def test_a_rising_column_is_the_time_and_a_counter_named_x_a_length_and_others_are_unknown(tmp_path):
-    found = guessed(tmp_path, {"a": np.arange(LINES) / 10, "odom_x": np.arange(LINES) / 50, "volts": [12.1] * LINES})
-    assert [found[name].quantity for name in ("a", "odom_x", "volts")] == ["time", "length", ""]
+def test_a_counter_named_x_is_a_length_and_others_are_unknown(tmp_path):
+    found = guessed(tmp_path, {"t": np.arange(LINES) / 10, "odom_x": np.arange(LINES) / 50, "volts": [12.1] * LINES})
+    assert [found[name].quantity for name in ("odom_x", "volts")] == ["length", ""]
 
 
 @pytest.mark.parametrize(
