@@ -11,7 +11,7 @@ from contextlib import contextmanager, nullcontext
 from copy import copy
 from dataclasses import Field, dataclass
 from inspect import Parameter, signature
-from typing import Any, ClassVar, NamedTuple, TypeVar
+from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 
@@ -56,19 +56,15 @@ def drop_short(reading: Array, distance: Array) -> Array:
 @contextmanager
 def seed_global_state(key: Keys, *place: int) -> Iterator[None]:
     """Seed `random` and `numpy.random` for a block by a key (k,) and whole numbers of 0 or more; then restore them."""
-    seeds = np.random.SeedSequence((*key.tolist(), *place))
-    numpy_random: Any = np.random  # its stubs lack the bit generator of the global state
-    before, generator = random.getstate(), numpy_random.get_bit_generator()
-    state = numpy_random.get_state(legacy=False)
+    legacy: Any = np.random  # the global state that libraries draw from
+    seeds, before = np.random.SeedSequence((*key.tolist(), *place)), (random.getstate(), legacy.get_state())
     try:
         random.seed(int(seeds.generate_state(1, np.uint64)[0]))
-        numpy_random.set_bit_generator(np.random.MT19937(seeds))  # a tenth of the time of setting its state
+        legacy.set_state(np.random.MT19937(seeds).state)
         yield
     finally:
-        random.setstate(before)
-        numpy_random.set_bit_generator(generator)
-        if state["has_gauss"]:  # the second of two normal numbers, which is not the bit generator's
-            numpy_random.set_state(state)
+        random.setstate(before[0])
+        legacy.set_state(before[1])
 
 
 def parameters(make: Callable[..., Any], given: tuple[str, ...]) -> dict[str, Parameter] | None:
@@ -95,117 +91,6 @@ def parameters(make: Callable[..., Any], given: tuple[str, ...]) -> dict[str, Pa
 def unpack_default(given: Any) -> Any:
     """Return the default of a `cl.tunable(...)`, anything else as it is."""
     return given.default if isinstance(given, Field) else given
-
-
-# What `PerRobot` and `PerTeam` share: each has these fields, and these functions as its methods. `p` is one of them.
-# An option that is not given in the call is read from the class, so that it can be named on the command line as it is.
-
-STEPS = ("init", "predict", "correct", "send", "fuse", "exchange", "estimate")
-OPTIONS = {"uses": ("odometry",), "axes": "", "notes": (), "own_random": False, "own_motion": ""}  # with their defaults
-TEAM_OPTIONS = {**OPTIONS, "centralised": True, "bound": False}
-A = TypeVar("A", bound="Adapter")
-
-
-class Objects(NamedTuple):
-    """The plain objects, one per row or one per trial. They change in place."""
-
-    objects: tuple[Any, ...]
-    key: Keys  # (r, 2), or (trial, n, 2)
-    tick: int  # the last one that began; -1 before the first
-
-
-def _set_fields(p: "Adapter", make: Callable[..., Any], options: Mapping[str, Any], given: dict[str, Any]) -> None:
-    """Set the fields of an adapter from the call, else from the class; what is no option is a parameter."""
-    values: dict[str, Any] = {"make": make}
-    for name, default in options.items():
-        one = given.pop(name, None)
-        values["counted" if name == "notes" else name] = getattr(make, name, default) if one is None else one
-    for name, one in {**values, "stated": tuple(sorted(given.items()))}.items():
-        object.__setattr__(p, name, one)  # as the `__init__` of a frozen dataclass does
-    _all_parameters(p)
-
-
-def _all_parameters(p: "Adapter") -> dict[str, Any]:
-    """Return every parameter's value, by name; TypeError where one is unknown or missing."""
-    known, stated = parameters(p.make, p.given), dict(p.stated)
-    if known is not None:
-        if unknown := [key for key in stated if key not in known]:
-            has = f"it has {', '.join(known)}" if known else "it has none"
-            raise TypeError(f"{_name_of(p)} has no parameter {unknown[0]!r}; {has}")
-        stated = {key: stated.get(key, one.default) for key, one in known.items()}
-        if missing := [key for key, one in stated.items() if one is Parameter.empty]:
-            raise TypeError(f"{_name_of(p)} needs {missing[0]}: give it a default, or state it, {missing[0]}=...")
-    return {key: unpack_default(one) for key, one in stated.items()}
-
-
-def tunable_fields(p: "Adapter") -> dict[str, Field[Any]]:
-    """Return the fields that `cl.tunable(...)` made, in the class's signature or in the call, by parameter."""
-    signed = [(key, one.default) for key, one in (parameters(p.make, p.given) or {}).items()]
-    return {key: one for key, one in (*signed, *p.stated) if isinstance(one, Field)}
-
-
-def _with_parameters(p: A, **changed: Any) -> A:
-    """Return the same with some parameters changed; TypeError where the class has no such parameter."""
-    other = copy(p)
-    object.__setattr__(other, "stated", tuple(sorted({**dict(p.stated), **changed}.items())))
-    _all_parameters(other)
-    return other
-
-
-def _name_of(p: "Adapter") -> str:
-    return getattr(p.make, "__name__", type(p.make).__name__)
-
-
-def _label_of(p: "Adapter") -> str:
-    """Return the name with the parameters that were stated, as on the command line."""
-    written = ",".join(f"{key}={unpack_default(one)}" for key, one in p.stated)
-    return f"{_name_of(p)}[{written}]" if written else _name_of(p)
-
-
-def _repr_of(p: "Adapter") -> str:
-    return f"{type(p).__name__}({_label_of(p)})"
-
-
-def _call_each(p: "Adapter", s: Objects, step: str, call: Callable[[Any, int], Any]) -> list[Any]:
-    """Call a function with every object and its row, under a global random state of its own where it asks so."""
-    found = []
-    for i, one in enumerate(s.objects):
-        place = s.tick + 1, STEPS.index(step)
-        with seed_global_state(s.key[i].ravel(), *place) if p.own_random else nullcontext():
-            found.append(call(one, i))
-    return found
-
-
-def _make_objects(p: "Adapter", prior: Belief, world: World, rows: Rows, who: Sequence[Any]) -> Objects:
-    """Make the objects, each of its prior, the world, its entry of `who`, and its key."""
-    beliefs = [Belief(x.copy(), P.copy()) for x, P in zip(*prior, strict=True)]  # a plain loop may write into them
-    none, stated = Objects((None,) * len(beliefs), rows.key, -1), _all_parameters(p)
-    made = _call_each(p, none, "init", lambda _, i: p.make(beliefs[i], world, *who[i], rows.key[i], **stated))
-    return none._replace(objects=tuple(made))
-
-
-def _predict(p: "Adapter", s: Objects, z: Senses) -> Objects:
-    s = s._replace(tick=s.tick + 1)
-    _call_each(p, s, "predict", lambda one, i: one.predict(senses_of(z, i)))
-    return s
-
-
-def _correct(p: "Adapter", s: Objects, z: Senses) -> Objects:
-    _call_each(p, s, "correct", lambda one, i: one.correct(senses_of(z, i)))
-    return s
-
-
-def _estimate(p: "Adapter", s: Objects) -> Belief:
-    beliefs = _call_each(p, s, "estimate", lambda one, _: parse_belief(one))
-    return Belief(np.stack([b.x for b in beliefs]), np.stack([b.P for b in beliefs]))
-
-
-def _count(p: "Adapter", s: Objects) -> Mapping[str, Array]:
-    """Return the counts of the objects, (r,) or (trial, n) each."""
-    shape = s.key.shape[1:-1]
-    return {
-        name: np.array([np.broadcast_to(getattr(one, name), shape) for one in s.objects], float) for name in p.counted
-    }
 
 
 ROUNDING = 1e-9  # of the largest entry
@@ -236,8 +121,135 @@ def parse_belief(one: Any) -> Belief:
     return Belief(x, P)
 
 
+STEPS = ("init", "predict", "correct", "send", "fuse", "exchange", "estimate")
+
+
+class Objects(NamedTuple):
+    """The plain objects, one per row or one per trial. They change in place."""
+
+    objects: tuple[Any, ...]
+    key: Keys  # (r, 2), or (trial, n, 2)
+    tick: int  # the last one that began; -1 before the first
+
+
 @dataclass(frozen=True, init=False, repr=False)
-class PerRobot:
+class Adapter:
+    """The common part of `PerRobot` and `PerTeam`.
+
+    An option that is not given in the call is read from the class, so that it can be named on the command line as it
+    is; what is no option is a parameter.
+    """
+
+    make: Callable[..., Any]
+    uses: tuple[str, ...]
+    axes: str
+    counted: tuple[str, ...]
+    own_random: bool
+    own_motion: str
+    stated: tuple[tuple[str, Any], ...]  # parameters that differ from their defaults
+    api: ClassVar[int] = 1
+    mutable: ClassVar[bool] = True  # exempt from the check that a method leaves the state it is given alone
+    given: ClassVar[tuple[str, ...]]  # what `make` is always given
+    options: ClassVar[dict[str, Any]] = {
+        "uses": ("odometry",),
+        "axes": "",
+        "notes": (),
+        "own_random": False,
+        "own_motion": "",
+    }
+
+    def __init__(self, make: Callable[..., Any], uses: tuple[str, ...] | None = None, **given: Any) -> None:
+        given["uses"] = uses
+        values: dict[str, Any] = {"make": make}
+        for name, default in self.options.items():
+            one = given.pop(name, None)
+            values["counted" if name == "notes" else name] = getattr(make, name, default) if one is None else one
+        for name, one in {**values, "stated": tuple(sorted(given.items()))}.items():
+            object.__setattr__(self, name, one)  # as the `__init__` of a frozen dataclass does
+        self.parameters  # noqa: B018  TypeError where one is unknown or missing
+
+    @property
+    def parameters(self) -> dict[str, Any]:
+        """Return every parameter's value, by name; TypeError where one is unknown or missing."""
+        known, stated = parameters(self.make, self.given), dict(self.stated)
+        if known is not None:
+            if unknown := [key for key in stated if key not in known]:
+                has = f"it has {', '.join(known)}" if known else "it has none"
+                raise TypeError(f"{self._name} has no parameter {unknown[0]!r}; {has}")
+            stated = {key: stated.get(key, one.default) for key, one in known.items()}
+            if missing := [key for key, one in stated.items() if one is Parameter.empty]:
+                raise TypeError(f"{self._name} needs {missing[0]}: give it a default, or state it, {missing[0]}=...")
+        return {key: unpack_default(one) for key, one in stated.items()}
+
+    def with_parameters(self, **changed: Any) -> Self:
+        """Return the same with some parameters changed; TypeError where the class has no such parameter."""
+        other = copy(self)
+        object.__setattr__(other, "stated", tuple(sorted({**dict(self.stated), **changed}.items())))
+        other.parameters  # noqa: B018
+        return other
+
+    @property
+    def tunable_fields(self) -> dict[str, Field[Any]]:
+        """Return the fields that `cl.tunable(...)` made, in the class's signature or in the call, by parameter."""
+        signed = [(key, one.default) for key, one in (parameters(self.make, self.given) or {}).items()]
+        return {key: one for key, one in (*signed, *self.stated) if isinstance(one, Field)}
+
+    @property
+    def _name(self) -> str:
+        return getattr(self.make, "__name__", type(self.make).__name__)
+
+    @property
+    def label(self) -> str:
+        """The name with the parameters that were stated, as on the command line."""
+        written = ",".join(f"{key}={unpack_default(one)}" for key, one in self.stated)
+        return f"{self._name}[{written}]" if written else self._name
+
+    @property
+    def trained_on(self) -> str:
+        """What the class says that its artifacts were learned from."""
+        return str(getattr(self.make, "trained_on", ""))
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.label})"
+
+    def _call_each(self, s: Objects, step: str, call: Callable[[Any, int], Any]) -> list[Any]:
+        """Call a function with every object and its row, under a global random state of its own where it asks so."""
+        found = []
+        for i, one in enumerate(s.objects):
+            place = s.tick + 1, STEPS.index(step)
+            with seed_global_state(s.key[i].ravel(), *place) if self.own_random else nullcontext():
+                found.append(call(one, i))
+        return found
+
+    def _make_objects(self, prior: Belief, world: World, rows: Rows, who: Sequence[Any]) -> Objects:
+        """Make the objects, each of its prior, the world, its entry of `who`, and its key."""
+        beliefs = [Belief(x.copy(), P.copy()) for x, P in zip(*prior, strict=True)]  # a plain loop may write into them
+        none, stated = Objects((None,) * len(beliefs), rows.key, -1), self.parameters
+        made = self._call_each(none, "init", lambda _, i: self.make(beliefs[i], world, *who[i], rows.key[i], **stated))
+        return none._replace(objects=tuple(made))
+
+    def predict(self, s: Objects, z: Senses) -> Objects:
+        s = s._replace(tick=s.tick + 1)
+        self._call_each(s, "predict", lambda one, i: one.predict(senses_of(z, i)))
+        return s
+
+    def correct(self, s: Objects, z: Senses) -> Objects:
+        self._call_each(s, "correct", lambda one, i: one.correct(senses_of(z, i)))
+        return s
+
+    def estimate(self, s: Objects) -> Belief:
+        beliefs = self._call_each(s, "estimate", lambda one, _: parse_belief(one))
+        return Belief(np.stack([b.x for b in beliefs]), np.stack([b.P for b in beliefs]))
+
+    def notes(self, s: Objects) -> Mapping[str, Array]:
+        """Return the counts of the objects, (r,) or (trial, n) each."""
+        shape = s.key.shape[1:-1]
+        found = {name: [np.broadcast_to(getattr(one, name), shape) for one in s.objects] for name in self.counted}
+        return {name: np.array(one, float) for name, one in found.items()}
+
+
+@dataclass(frozen=True, init=False, repr=False)
+class PerRobot(Adapter):
     """Plain objects as an estimator, one per robot and trial: the filter loop one would write with filterpy.
 
         class MyLoop:
@@ -267,35 +279,13 @@ class PerRobot:
 
     """
 
-    make: Callable[..., Any]
-    uses: tuple[str, ...]
-    axes: str
-    counted: tuple[str, ...]
-    own_random: bool
-    own_motion: str
-    stated: tuple[tuple[str, Any], ...]  # parameters that differ from their defaults
-    api: ClassVar[int] = 1
-    mutable: ClassVar[bool] = True  # exempt from the check that a method leaves the state it is given alone
     given: ClassVar[tuple[str, ...]] = ("prior", "world", "robot", "key")
 
-    def __init__(self, make: Callable[..., Any], uses: tuple[str, ...] | None = None, **options: Any) -> None:
-        _set_fields(self, make, OPTIONS, {"uses": uses, **options})
-
-    label = property(_label_of)
-    trained_on = property(lambda self: str(getattr(self.make, "trained_on", "")))
-    parameters = property(_all_parameters)
-    with_parameters = _with_parameters
-    __repr__ = _repr_of
-    predict = _predict
-    correct = _correct
-    estimate = _estimate
-    notes = _count
-
     def init(self, prior: Belief, world: World, rows: Rows) -> Objects:
-        return _make_objects(self, prior, world, rows, [(robot,) for robot in rows.robot.tolist()])
+        return self._make_objects(prior, world, rows, [(robot,) for robot in rows.robot.tolist()])
 
     def send(self, s: Objects, z: Senses) -> Array:
-        sent = _call_each(self, s, "send", lambda robot, _: robot.send() if hasattr(robot, "send") else ())
+        sent = self._call_each(s, "send", lambda robot, _: robot.send() if hasattr(robot, "send") else ())
         packets = [np.array(packet, float) for packet in sent]
         if wrong := [packet.shape for packet in packets if packet.ndim != 1]:
             raise ValueError(f"send() returned shape {wrong[0]}; it must be one axis of numbers")
@@ -305,7 +295,7 @@ class PerRobot:
         return np.stack(packets)
 
     def fuse(self, s: Objects, z: Senses, mail: Mail) -> Objects:
-        _call_each(self, s, "fuse", lambda robot, i: hasattr(robot, "fuse") and robot.fuse(mail_of(mail, i)))
+        self._call_each(s, "fuse", lambda robot, i: hasattr(robot, "fuse") and robot.fuse(mail_of(mail, i)))
         return s
 
 
@@ -360,7 +350,7 @@ class Radio:
 
 
 @dataclass(frozen=True, init=False, repr=False)
-class PerTeam:
+class PerTeam(Adapter):
     """Plain objects as an estimator, one per trial: a loop over a whole team, as one writes it in a script.
 
         class MyTeam:
@@ -388,42 +378,18 @@ class PerTeam:
 
     """
 
-    make: Callable[..., Any]
-    uses: tuple[str, ...]
-    axes: str
-    counted: tuple[str, ...]
-    own_random: bool
-    own_motion: str
     centralised: bool
     bound: bool
-    stated: tuple[tuple[str, Any], ...]
-    api: ClassVar[int] = 1
-    mutable: ClassVar[bool] = True
     given: ClassVar[tuple[str, ...]] = ("prior", "world", "keys")
-
-    def __init__(self, make: Callable[..., Any], uses: tuple[str, ...] | None = None, **options: Any) -> None:
-        _set_fields(self, make, TEAM_OPTIONS, {"uses": uses, **options})
-
-    label = property(_label_of)
-    trained_on = property(lambda self: str(getattr(self.make, "trained_on", "")))
-    parameters = property(_all_parameters)
-    with_parameters = _with_parameters
-    __repr__ = _repr_of
-    predict = _predict
-    correct = _correct
-    estimate = _estimate
-    notes = _count
+    options: ClassVar[dict[str, Any]] = {**Adapter.options, "centralised": True, "bound": False}
 
     def init(self, prior: Belief, world: World, rows: Rows) -> Objects:
-        return _make_objects(self, prior, world, rows, [()] * len(prior.x))
+        return self._make_objects(prior, world, rows, [()] * len(prior.x))
 
     def exchange(self, s: Objects, z: Senses, air: Mail) -> tuple[Objects, Traffic]:
         radios = [Radio(mail_of(air, i), z.dt[i] > 0, self.centralised) for i in range(len(s.objects))]
-        _call_each(self, s, "exchange", lambda team, i: team.exchange(senses_of(z, i), radios[i]))
+        self._call_each(s, "exchange", lambda team, i: team.exchange(senses_of(z, i), radios[i]))
         return s, Traffic(np.stack([one.messages for one in radios]), np.stack([one.bytes for one in radios]))
-
-
-Adapter = PerRobot | PerTeam
 
 
 # A tick's motion and readings as functions of the state, for filters of libraries:
@@ -435,22 +401,6 @@ Adapter = PerRobot | PerTeam
 #         ukf.update(one.z, one.R, hx=one.h)     # or, with a linear one: kf.update(*one.linear(kf.x))
 #
 # A heading goes on beyond pi, so that sigma points have their mean between them, and h(x) is within pi of the reading.
-
-
-class Linear(NamedTuple):
-    """A motion about a state: x' = F x + c."""
-
-    F: Array  # (d, d)
-    c: Array  # (d,)
-    Q: Array  # (d, d)
-
-
-class LinearReading(NamedTuple):
-    """A reading about a state, as a linear filter takes it: z = H x + noise."""
-
-    z: Array  # (k,)
-    R: Array  # (k, k)
-    H: Array  # (k, d)
 
 
 @dataclass(frozen=True)
@@ -473,10 +423,10 @@ class Step:
         """Return the covariance of its error (..., d, d)."""
         return self.motion.move(x, self.odometry, self.dt)[2]
 
-    def linear(self, x: Array) -> Linear:
-        """Return F, c and Q about a state (d,)."""
+    def linear(self, x: Array) -> tuple[Array, Array, Array]:
+        """Return F (d, d), c (d,) and Q (d, d) about a state (d,): x' = F x + c."""
         _, F, Q = self.motion.move(x, self.odometry, self.dt)
-        return Linear(F, self.f(x) - F @ x, Q)
+        return F, self.f(x) - F @ x, Q
 
 
 @dataclass(frozen=True)
@@ -500,10 +450,10 @@ class Reading:
         """Return dh/dx (..., k, d)."""
         return self.sensor.innovation(x, self.place, self.z)[1]
 
-    def linear(self, x: Array) -> LinearReading:
-        """Return z - h(x) + H x, R and H about a state (d,)."""
+    def linear(self, x: Array) -> tuple[Array, Array, Array]:
+        """Return z - h(x) + H x, R and H about a state (d,), as a linear filter takes them."""
         y, H, _ = self.sensor.innovation(x, self.place, self.z)
-        return LinearReading(y + H @ x, self.R, H)
+        return y + H @ x, self.R, H
 
 
 def motion_of(world: World, z: Senses) -> Step:

@@ -17,7 +17,7 @@ from dataclasses import field, fields, is_dataclass
 from math import inf
 from typing import Any, NamedTuple
 
-from cooploc.estimators.adapters import Adapter, tunable_fields
+from cooploc.estimators.adapters import Adapter
 
 KEY = "cooploc.tunable"  # of a field's metadata
 Value = float | int | str | bool
@@ -77,7 +77,7 @@ def declarations(estimator: Any) -> Mapping[str, Tunable]:
     A parameter that does nothing with the other values is left out.
     """
     if isinstance(estimator, Adapter):
-        found, values = tunable_fields(estimator), estimator.parameters
+        found, values = estimator.tunable_fields, estimator.parameters
     elif is_dataclass(estimator):
         found = {one.name: one for one in fields(estimator) if one.init}
         values = {name: getattr(estimator, name, one.default) for name, one in found.items()}
