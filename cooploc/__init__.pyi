@@ -42,7 +42,7 @@ from cooploc.estimators.interface import Senses as Senses
 from cooploc.estimators.interface import TeamEstimator as TeamEstimator
 from cooploc.estimators.interface import Traffic as Traffic
 from cooploc.estimators.interface import World as World
-from cooploc.estimators.models import Layout as Layout
+from cooploc.estimators.layout import Layout as Layout
 from cooploc.estimators.registry import CallablePackage as _CallablePackage
 from cooploc.estimators.tunable import tunable as tunable
 from cooploc.inspection import Inspection as Inspection

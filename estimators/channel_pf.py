@@ -8,14 +8,8 @@ C counts. With C_i the marginal of C and z a reading between the two,
     C+ = C  (Bel_i / C_i)  (Bel_j / C_j)  p(z | x_i, x_j),    Bel_i+ = Bel_i  C+_i / (C Bel_i / C_i)_i.
 
 Two robots that hear each other in every tick, in a linear-Gaussian world with the same reading at both ends, are the
-centralised filter. Otherwise this is an approximation:
-
-- What k told j comes to i both through j and from k: in any network with loops it is counted twice.
-- The sender does not know of a packet that is lost. The robot that did hear takes too much off afterwards, the one that
-  did not takes off too little and becomes over-confident.
-- Each end of a link makes a reading of its own, and ranges are linearised: two robots that lose nothing
-  (`scalability/n=2`) have an ANEES of about 2.
-- A camera's heading error, and in a heading frame the odometry's, count as noise of their own in every tick.
+centralised filter. Otherwise information is counted twice: what comes around a loop of links, and, after a lost packet
+that its sender does not know of, what that carried.
 
 Source: S. Grime, H. Durrant-Whyte, "Data fusion in decentralized sensor networks", Control Engineering Practice 2(5),
 1994. Gaussians of particles as beliefs, and the pair of positions as the common state, are our reading.

@@ -8,9 +8,8 @@ that has a reading of the sender moves that density through the detection model,
 and multiplies its weights with it. The product takes beliefs to be independent. Hence the source's safeguard: once a
 pair's detection was used, the next is used only after the robot has travelled some distance.
 
-Our reading: a sum of Gaussian kernels (Liu & West's, which keep mean and covariance) instead of a tree of thousands of
-samples; the receiver of a packet makes the detection, and counts its distance for each teammate. The source's 2.5 m are
-as we remember them.
+Our reading: a sum of Gaussian kernels (Liu & West's) instead of a tree of samples; the receiver of a packet makes the
+detection, and counts its distance for each teammate. The source's 2.5 m are as we remember them.
 
 Source: D. Fox, W. Burgard, H. Kruppa, S. Thrun, "A probabilistic approach to collaborative multi-robot localization",
 Autonomous Robots 8(3), 2000.

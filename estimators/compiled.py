@@ -10,6 +10,7 @@ import numba
 import numpy as np
 from filelock import FileLock
 from numba import types
+from numba.core.caching import IndexDataCacheFile
 from numba.extending import intrinsic as untyped_intrinsic
 from numba.extending import overload
 from numpy.polynomial import Chebyshev, Polynomial
@@ -29,8 +30,8 @@ inlined: Any = numba.njit(**INSIDE, **FAST)
 strict_inlined: Any = numba.njit(**INSIDE, **STRICT)
 intrinsic: Any = untyped_intrinsic
 
-# A kernel that is kept on disk is compiled again when one of these changes: they hold what kernels call. numba by
-# itself looks at the kernel's own file only.
+# numba looks at a kernel's own file only. The names of our files on disk hold a stamp of all that a kernel may call, so
+# that one of another version is never opened.
 KERNELS = "joint_kernels", "kalman_kernels", "particle_kernels"
 SHARED = "compiled", "random_numbers", "models", "covariance_intersection", *KERNELS
 SOURCES = [(Path(__file__).parent / f"{name}.py").read_bytes() for name in SHARED]
@@ -49,9 +50,10 @@ def strict_kernel(function: Callable[..., Any]) -> Any:
 def _cache_on_disk(function: Callable[..., Any], options: dict[str, Any]) -> Any:
     """Compile and cache; of two processes that need a kernel, the second waits for the first and finds it on disk."""
     compiled = numba.njit(**KEPT, **options)(function)
-    file, compile_now = Path(function.__code__.co_filename), compiled.compile
-    compiled._cache._cache_file._source_stamp = hashlib.sha256(b"".join([*SOURCES, file.read_bytes()])).hexdigest()
-    lock = cache_directory(compiled) / f"{file.stem}.{function.__name__}.lock"
+    stamp = hashlib.sha256(b"".join([*SOURCES, Path(function.__code__.co_filename).read_bytes()])).hexdigest()
+    name, compile_now = f"{compiled._cache._impl.filename_base}-{stamp[:16]}", compiled.compile
+    compiled._cache._cache_file = IndexDataCacheFile(compiled._cache.cache_path, name, stamp)
+    lock = cache_directory(compiled) / f"{name}.lock"
 
     def compile_in_turn(signature: Any) -> Any:
         with FileLock(lock, is_singleton=True, thread_local=False):
@@ -97,9 +99,8 @@ def wide(context: Any) -> Any:
     return types.none(), generate
 
 
-# Double and single precision. A kernel is written once, numba compiles it for the type of the arrays that it is given,
-# and a function marked `by_format` for the type of its first argument. A constant in a loop over single numbers is
-# written `real(0.5)`, with `real` the type of the array: a plain 0.5 would make everything that it meets double.
+# Double and single precision: a kernel is compiled for the type of its arrays, a function marked `by_format` for the
+# type of its first argument. In a loop a constant is `real(0.5)`: a plain 0.5 makes all that it meets double.
 
 
 class Format(NamedTuple):
@@ -184,9 +185,8 @@ def polynomial(f: Format, function: Any, degrees: tuple[int, int], span: tuple[f
     return intrinsic(lambda context, x: (kind(kind), generate))
 
 
-# Logarithm, exponential, sine and arctangent as polynomials without branches, so that LLVM can vectorise their loops;
-# numba calls the C library once per number. Errors are those in double and in single precision. Arguments are assumed
-# finite: a nan gives any number in `log`, and stays nan in `exp`.
+# Elementary functions as polynomials without branches, so that LLVM can vectorise their loops, with their errors in
+# double and in single precision. Arguments are finite: a nan gives any number in `log`, and stays nan in `exp`.
 
 LN2 = float(np.log(2.0))
 COMPACT = 1 / 4  # how far a compact cloud reaches from the middle of its squared distances, as a share of that

@@ -1,15 +1,12 @@
 """Covariance intersection: fusing estimates whose correlation is unknown.
 
-Two robots that have talked before share errors, and a Kalman filter that fuses their beliefs counts the shared part
-twice. With both covariances inflated, P_i / w and P_j / (1 - w) with 0 < w < 1, their block diagonal matrix is at least
-the joint covariance with any possible cross-covariance, so the two may be fused as if they were independent.
-
-A relative measurement y = h(x_i, x_j) + noise of variance R, with Jacobians H_i and H_j, then gives
+Both covariances are inflated, P_i / w and P_j / (1 - w) with 0 < w < 1; their block diagonal matrix is at least the
+joint covariance with any possible cross-covariance. A relative measurement y = h(x_i, x_j) + noise of variance R, with
+Jacobians H_i and H_j, then gives
 
     P^-1 = w P_i^-1 + H_i' (H_j P_j H_j' / (1 - w) + R)^-1 H_i.    (1)
 
-This is concave in w, so the determinant and the trace of P are convex, and the w that minimises one of them is found
-exactly, or by cvxpy. With H_i = I, H_j = -I and R = 0 it is the fusion of two estimates of the same state.
+This is concave in w, so the w that minimises the determinant or the trace of P is found exactly, or by cvxpy.
 
 Sources: S. J. Julier, J. K. Uhlmann, "A non-divergent estimation algorithm in the presence of unknown correlations",
 ACC 1997. (1) L. C. Carrillo-Arce et al., "Decentralized multi-robot cooperative localization using covariance
@@ -57,9 +54,11 @@ def solve_relative(
 
     w is in [LEAST, 1]. It is 1, which leaves the belief as it is, where anything is nan, where the sender knows nothing
     (every variance infinite), and where the reading cannot help. The criterion is about so many leading states as
-    `block` says: the position, because the trace of a whole pose adds m^2 to rad^2; a heading is safe only in a
-    criterion that counts it. "cvxpy" may stack the fusions of one group (K,), which change one another in the last
-    bits. BadInput says which covariance is none.
+    `block` says. "cvxpy" may stack the fusions of one group (K,), which change one another in the last bits.
+
+    Raises:
+        BadInput: a covariance that is none.
+
     """
     P_i, P_j = np.array(P_i, float, order="C"), np.array(P_j, float, order="C")
     R = spread_out(np.asarray(R, float), (len(P_i), H_i.shape[1], H_i.shape[1]))
@@ -115,12 +114,10 @@ def _require(good: Mask, name: str, fusion: Indices) -> None:
 def _whiten(P: Array, H: Array, U: Array, R: Array, block: int, fusion: Indices) -> tuple[Array, Array, Array]:
     """Write the information (1) as w A + sum n_l h_l h_l', in coordinates in which its mean is the identity.
 
-    U = H_j P_j H_j' and R are diagonal in common coordinates, sigma and 1 - sigma, in which U / v + R is inverted entry
-    by entry: n = v / (sigma + (1 - sigma) v) with v = 1 - w. With the terms A, h_1 h_1', ... as A_k = V_k' V_k, the
-    coordinates are B_k = T A_k T', T = F^-1, F F' = sum mix_k A_k. The determinant of the fused covariance changes by a
-    constant factor, its trace becomes tr(C Y^-1) with C = T T' and Y = sum n_k B_k. F is upper triangular, so that the
-    leading (position) block of Y^-1 stays that of the fused covariance. Returns B (K, 1 + k, d, d), C (K, d, d) of
-    trace 1, and sigma (K, k).
+    U = H_j P_j H_j' and R are diagonal in common coordinates, sigma and 1 - sigma, and n = v / (sigma + (1 - sigma) v)
+    with v = 1 - w. With the terms A_k = V_k' V_k: B_k = T A_k T', T = F^-1, F F' = sum mix_k A_k, F upper triangular:
+    so the leading block of Y^-1 = (sum n_k B_k)^-1 stays that of the fused covariance, whose trace is tr(C Y^-1) with
+    C = T T'. Return B (K, 1 + k, d, d), C (K, d, d) of trace 1, and sigma (K, k).
     """
     (own, own_kind), (L, kind) = _roots(P), _roots(U + R)
     _require(own_kind == FINE, "P_i", fusion)
@@ -344,8 +341,7 @@ def _clear_absent(parts, there):
 def _orthogonalise(A, M, axes):
     """Factor A = Q U' for the rows (n, d) of A, which becomes Q; False where its columns are dependent.
 
-    Gram and Schmidt from the last column to the first, each twice. A'A = U U' is never formed, so that its condition
-    number may be the square of what fits into double precision.
+    Gram and Schmidt from the last column to the first, each twice: A'A = U U' is never formed.
     """
     for j in range(len(axes) - 1, -1, -1):
         before = 0.0
@@ -413,9 +409,8 @@ def _fill_whitened(V, mix, block, B, C_, kind, axes):
 #
 #     e^2 + 2 b r e + c r^2 = level:   b = c = k, level = q (1 - k) for the trace;   b = 1/4, c = 0, level = q/2 for det
 #
-# (1 - k is |P u'|^2 / (t h), which needs no difference). The left side is convex and grows with v, so Newton's method
-# falls from any v above the root to it and never passes it. Such a v, close by, comes of e >= q and of r >= v: either
-# makes the equation quadratic. Where the left side exceeds the level at v = 0 the reading cannot help and w is 1.
+# (1 - k is |P u'|^2 / (t h)). The left side is convex and grows with v: Newton's method falls to the root from any v
+# above it, such as those that e >= q and r >= v give. Where it exceeds the level at v = 0 the reading cannot help.
 
 CERTAIN = 1e-15  # the least share of the sender in a reading's variance: below, w would be 1 to the last bit
 CLOSE = 1e-9  # a Newton step this small, relatively, is the last one: its square is rounding

@@ -85,11 +85,9 @@ def canonical(problem: Any, theta: Any) -> Canonical:
 #     min w + v   s.t.   c >= 0,   X = Y(c) - C,   ||(2 X_12, 2 gamma, X_11 - X_22)|| <= X_11 + X_22,
 #
 # that is X >= 0 with det X >= gamma^2. The determinant has C = 0, gamma = 1: det Y >= 1. The trace has gamma^2 = det C:
-# det Y >= tr(adj(C) Y), which is tr(C Y^-1) <= 1. The fusions of one group are one program, the sum of theirs. In other
-# dimensions cvxpy's log_det and matrix_frac (which is tr_inv with C) take one fusion at a time.
-#
-# The solver couples the fusions of one program in their last bits. So a program never holds fusions of two groups,
-# never starts from an earlier solution, and lists its fusions in an order that only their values give.
+# det Y >= tr(adj(C) Y), which is tr(C Y^-1) <= 1. Fusions of one group are one program, the sum of theirs, listed in an
+# order that only their values give, as the solver couples them in their last bits. In other dimensions cvxpy's log_det
+# and matrix_frac (which is tr_inv with C) take one fusion at a time.
 
 STACK = 128  # fusions in one program, at most: the time of each grows slowly with their number
 

@@ -1,9 +1,7 @@
 """Collaborative terrain-relative navigation (CTRN): particle filters whose beliefs meet by covariance intersection.
 
-Each robot runs its own particle filter and broadcasts mean and covariance. A robot that hears a packet has a reading
-of the sender (range or RSSI), but does not know how far the sender's belief depends on its own: covariance
-intersection finds the weight w that is safe whatever the correlation. Of the original we have only the abstract;
-`fusion="moments"`, `"message"` and `"received"` are our interpretations of it.
+Each robot runs its own particle filter and broadcasts mean and covariance; a robot that hears it fuses by the weight
+that is safe whatever the correlation. Of the original we have only the abstract: the kinds of `fusion` are our reading.
 
 Sources: A. Wiktor, S. Rock, "Collaborative multi-robot localization in natural terrain", ICRA 2020; for the relative
 form of covariance intersection, L. C. Carrillo-Arce et al., "Decentralized multi-robot cooperative localization using
@@ -262,8 +260,7 @@ def _follow(x, moved, m0, P0, m1, P1, out):
 
 
 # fusion="received": one Gaussian of the robot's position for each sender's packets, which covariance intersection fuses
-# with the next packet, because packets of one sender repeat each other. The estimate is the product of the robot's own
-# belief with these Gaussians; neither the particles nor the packets that the robot sends ever contain them.
+# with the next packet. The estimate is the product of the robot's own belief with these, which are never sent on.
 
 VAGUE = 10.0  # sides of the arena: the standard deviation of a belief that knows nothing yet
 

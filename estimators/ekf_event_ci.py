@@ -5,12 +5,10 @@ that had no error. How far is the Kullback-Leibler divergence
 
     D = 1/2 (tr(P_s^-1 P) + (x - x_s)' P_s^-1 (x - x_s) - d + ln det P_s / det P)   [nat],
 
-which grows with what it has learned since, and with what it has lost by moving. A teammate that hears nothing does
-nothing. Everything else is `ekf_ci.py`; with threshold = 0 the two are equal bit for bit.
+A teammate that hears nothing does nothing. Everything else is `ekf_ci.py`; with threshold = 0 the two are equal.
 
 Source: G. Battistelli, L. Chisci, L. Gao, D. Selvi, "Event-triggered distributed Bayes filter", ECC 2019
-(arXiv 1902.09825): the trigger. There all know the motion, and predict what they last heard. Without the odometry's
-error in P_s is our choice: with it, robots that learn only from each other fall silent for good.
+(arXiv 1902.09825): the trigger. P_s without the odometry's error is our choice: with it, robots fall silent for good.
 """
 
 from dataclasses import dataclass

@@ -1,11 +1,8 @@
 """Harmonic mean density with readings of teammates: beliefs are averaged where covariance intersection multiplies them.
 
-A teammate's belief and a reading make an estimate of H x with the covariance N = H_j P_j H_j' + R; the robot's own
-belief makes another. Their harmonic mean replaces the robot's own, and the rest of the state follows by its covariance.
-
-It is inverse covariance intersection with a fixed weight (`ekf_ici.py`), where the means agree. Where they do not, the
-covariance is smaller, so that a robot which is wrong may become sure of it; no bound is known. A teammate that knows
-less takes away from what a robot knows.
+A teammate's belief and a reading make an estimate of H x with the covariance N = H_j P_j H_j' + R; its harmonic mean
+with the robot's own belief replaces that, and the rest of the state follows (`inverse_covariance_intersection.py`). No
+bound is known, and a teammate that knows less takes away from what a robot knows.
 
 Source: N. Sharma, R. Tharmarasa, S. Bhaumik, T. Kirubarajan, "On pooling-based track fusion strategies: harmonic mean
 density", arXiv 2412.06716, 2024. Its use with a reading of part of the state is ours.
@@ -25,9 +22,8 @@ class EkfHmd(kalman.BroadcastFilter):
     """EKF on own readings, harmonic mean density of own and received beliefs.
 
     Parameters:
-        weight: of the robot's own density in the mean, between 0 and 1. One mean is taken per teammate, one after the
-            other, and with 0.5 many of them leave little of the own density: of ten robots, 0.8 has three quarters of
-            the error that 0.5 has (`reports/fusion.md`).
+        weight: of the robot's own density in the mean, between 0 and 1. One mean is taken per teammate: of ten robots,
+            0.8 has three quarters of the error that 0.5 has (`reports/fusion.md`).
     """
 
     consistency: ClassVar[str] = "no bound is known"

@@ -1,13 +1,8 @@
 """Inverse covariance intersection with readings of teammates: what two robots may both know is counted once.
 
-A teammate's belief and a reading make an estimate of H x with the covariance N = H_j P_j H_j' + R; the robot's own
-belief makes another. The fusion takes out the largest information that the two can have in common, and the rest of the
-state follows by its covariance: equations and assumption in `inverse_covariance_intersection.py`.
-
-Of one number, as a range is, the rule keeps the better of the two estimates: C = min(a, N). So a range helps at most
-one of two robots, as with covariance intersection (`ekf_ci.py`), but its state is not inflated in other directions.
-A fixed weight (`form="fixed"`) averages two estimates that are equally good, and states the covariance of one: by the
-same theorem a bound, looser, of a smaller error.
+A teammate's belief and a reading make an estimate of H x with the covariance N = H_j P_j H_j' + R; its fusion with the
+robot's own belief takes out the largest information that the two can have in common, and the rest of the state follows
+(`inverse_covariance_intersection.py`). Of one number, as a range is, C = min(a, N): the better estimate is kept.
 
 Source: B. Noack, J. Sijs, M. Reinhardt, U. D. Hanebeck, "Decentralized data fusion with inverse covariance
 intersection", Automatica 79, 2017. Its use with a reading of part of the state is ours.
@@ -28,8 +23,7 @@ class EkfIci(kalman.BroadcastFilter):
 
     Parameters:
         form: the weight w of a fusion: "trace", the one of least trace, as published; "fixed", always 1 - weight.
-        weight: of the robot's own belief, between 0 and 1, where it is fixed. The default is near the best for teams of
-            3 to 10 robots (`reports/fusion.md`).
+        weight: of the robot's own belief, between 0 and 1, where it is fixed (`reports/fusion.md`).
     """
 
     consistency: ClassVar[str] = "a bound where robots share common information alone; else not"

@@ -1,15 +1,14 @@
 """The joint EKF in pieces: every robot keeps its own mean and covariance, and cross terms as factors that do not move.
 
-Between readings P_ij = Phi_i Pi_ij Phi_j', where Phi_i gathers robot i's own motion and Pi_ij is constant, so nothing
-needs to be sent. The robot that takes a reading is the interim master: it requests the belief of the robot it measured
-and broadcasts what all others need to update; each robot keeps its own copy of all Pi. While no message is lost this is
-the joint EKF, one reading after the other. Losses are not repaired: a robot that misses an update keeps stale cross
-terms.
+P_ij = Phi_i Pi_ij Phi_j', where Phi_i gathers robot i's own motion and Pi_ij is constant between readings. The robot
+that takes a reading is the interim master: it requests the belief of the robot it measured and broadcasts what all
+others need to update; each keeps its own copy of all Pi. While no message is lost this is the joint EKF, one reading
+after the other; a robot that misses an update keeps stale cross terms.
 
 Sent, in numbers of 8 bytes and with a header of 8: request 0; reply x, P, Phi, d + d(d+1)/2 + d^2; update of k readings
 of a teammate 2 + k (1 + 4 d), of a fixed thing 1 + k (1 + 2 d), once, to all. If the link fails in either direction,
-the reading is lost. Added by us: a gate; and a robot refuses an update that would make its covariance indefinite or
-whose factors have diverged (`RUNAWAY`), which happens only after losses.
+the reading is lost. Ours: a gate; and a robot refuses an update that would make its covariance indefinite or whose
+factors have diverged (`RUNAWAY`).
 
 Source: S. Kia, S. Rounds, S. Martinez, "Cooperative localization for mobile agents: a recursive decentralized algorithm
 based on Kalman-filter decoupling", IEEE Control Systems Magazine 36(2), 2016, the interim-master algorithm.

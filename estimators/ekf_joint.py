@@ -1,22 +1,15 @@
-"""One extended Kalman filter over the whole team, with every cross-covariance.
+"""One extended Kalman filter over the whole team, with every cross-covariance: the centralised answer.
 
-The centralised answer: what a team would know if every reading, 8 bytes and a header of 8, reached one computer at
-once. All of a tick's relative readings are used together, in information form, and re-linearised `iterations` times, so
-that the result does not depend on their order; `update="sequential"` uses one after the other, as the source does. With
-`second_order` the mean shift and the variance of a range's second-order term are included; where priors are wide, fewer
-robots diverge with it.
-
-A Gaussian that a bad linearisation has put in a wrong place refuses the readings that would correct it. With
-`update="batch"`, a robot most of whose recent readings the gate has refused (`lost`) starts again: anywhere in the
-arena, uncorrelated.
+A tick's relative readings are used together, in information form, and re-linearised `iterations` times;
+`update="sequential"` uses one after the other, as the source does. `second_order` includes the mean shift and the
+variance of a range's second-order term. With `update="batch"`, a robot most of whose recent readings the gate has
+refused (`lost`) starts again: anywhere in the arena, uncorrelated.
 
 Sources: S. Roumeliotis, G. Bekey, "Distributed multirobot localization", IEEE T-RA 18(5), 2002; Y. Bar-Shalom, X. Li,
 T. Kirubarajan, "Estimation with applications to tracking and navigation", 2001, secs. 10.3 (second order) and 10.5.2
-(iterated); B. Bell, F. Cathey, "The iterated Kalman filter update as a Gauss-Newton method", IEEE T-AC 38(2), 1993;
-S. Lenser, M. Veloso, "Sensor resetting localization for poorly modelled mobile robots", ICRA 2000 (starting again).
-R. Madhavan, K. Fregene, L. Parker, "Distributed cooperative outdoor multirobot localization and mapping", Autonomous
-Robots 17, 2004, and A. Martinelli, F. Pont, R. Siegwart, "Multi-robot localization using relative observations", ICRA
-2005 (teams whose robots sense different things; known by their abstracts: how one without odometry moves is ours).
+(iterated); S. Lenser, M. Veloso, "Sensor resetting localization for poorly modelled mobile robots", ICRA 2000 (starting
+again); R. Madhavan, K. Fregene, L. Parker, "Distributed cooperative outdoor multirobot localization and mapping",
+Autonomous Robots 17, 2004 (robots without odometry, known by its abstract).
 """
 
 from collections.abc import Iterator, Mapping
@@ -27,37 +20,16 @@ from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
 
+from cooploc.estimators import joint_gaussian as joint
 from cooploc.estimators import kalman
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses, Sensor, Traffic, World
-from cooploc.estimators.joint_gaussian import (
-    block_diagonal,
-    dense,
-    flat,
-    linear_fixed,
-    linear_readings,
-    move_blocks,
-    solve_mean,
-    solve_together,
-    sparse_update,
-    square,
-)
 from cooploc.estimators.joint_kernels import LinearReadings, count_refused, distances, join_ranges, sight_joint
 from cooploc.estimators.kalman_kernels import add_directions, add_ranges, add_scalars
-from cooploc.estimators.models import (
-    Bearing,
-    Displacement,
-    GradientDoa,
-    Range,
-    Sighting,
-    fixed_readings,
-    wrap_heading,
-)
+from cooploc.estimators.models import Bearing, Displacement, GradientDoa, Range, Sighting, fixed_readings, wrap_heading
 from cooploc.estimators.tunable import tunable
 
-# Weight of the latest readings in the average share of refused ones: 23 refused in a row make a robot lost. On MRCLAM,
-# where a camera may confuse two landmarks for a second, the average rises to 0.37; with a weight of 0.1, to 0.72.
-FORGET = 0.03
+FORGET = 0.03  # weight of the latest readings in the average share of refused ones: 23 refused in a row make 0.5
 
 
 class State(NamedTuple):
@@ -116,7 +88,7 @@ class EkfJoint(kalman.TeamParameters):
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
         world = kalman.assume(self, world)
-        return State(prior.x, block_diagonal(prior.P), world, np.zeros(prior.x.shape[:2]))
+        return State(prior.x, joint.block_diagonal(prior.P), world, np.zeros(prior.x.shape[:2]))
 
     def predict(self, s: State, z: Senses) -> State:
         """P_ij' = F_i P_ij F_j',  P_ii' = F_i P_ii F_i' + Q_i.
@@ -132,18 +104,18 @@ class EkfJoint(kalman.TeamParameters):
             P = s.P.copy()  # F = I
             np.einsum("tiaib->tiab", P)[...] += Q
             return s._replace(x=x, P=P)
-        return _set_belief(s, x, move_blocks(self.engine, square(s.P), F, Q))
+        return _set_belief(s, x, joint.move_blocks(self.engine, joint.square(s.P), F, Q))
 
     def correct(self, s: State, z: Senses) -> State:
         if self.update == "batch" and (seen := kalman.landmarks_alone(self, s.world, z)):
-            x, P, refused = s.x.copy(), square(s.P.copy()), s.refused.copy()
+            x, P, refused = s.x.copy(), joint.square(s.P.copy()), s.refused.copy()
             sight_joint(x, P, refused, seen, FORGET)
             return _set_belief(s, x, P)._replace(refused=refused)
         for sensor, place, reading in fixed_readings(s.world, z, self.anchor_reading):
             if self.update == "batch":
                 s = self._update_by_fixed(s, sensor, place, reading)
             elif self.engine == "batched" and isinstance(sensor, GradientDoa):
-                x, P = s.x.copy(), square(s.P.copy())
+                x, P = s.x.copy(), joint.square(s.P.copy())
                 add_directions(x, P, reading[..., 0], *direction_weights(sensor), self.gate)
                 s = _set_belief(s, x, P)
             else:
@@ -173,11 +145,11 @@ class EkfJoint(kalman.TeamParameters):
     def _update_by_fixed(self, s: State, sensor: Sensor, place: Array, reading: Array) -> State:
         """Update by every robot's reading (t, n, k) of one fixed thing, linearised and gated before any is used."""
         y, H, _ = kalman.innovation(sensor, s.x, place, reading)
-        readings = linear_fixed(y, H, sensor.R)
-        d2 = distances(square(s.P), readings)
+        readings = joint.linear_fixed(y, H, sensor.R)
+        d2 = distances(joint.square(s.P), readings)
         use = d2 <= self.gate
         if self.engine == "batched" and np.count_nonzero(sensor.R) == len(sensor.R):  # it is diagonal
-            x, P = s.x.copy(), square(s.P.copy())
+            x, P = s.x.copy(), joint.square(s.P.copy())
             add_scalars(x, P, use[:, :, 0], y, H, sensor.R.diagonal().copy())
             after = _set_belief(s, x, P)
         else:
@@ -190,7 +162,7 @@ class EkfJoint(kalman.TeamParameters):
         Each reading is gated alone, against the belief before all of them.
         """
         if self.engine == "batched" and isinstance(sensor, Range):
-            x, P = s.x.copy(), square(s.P.copy())
+            x, P = s.x.copy(), joint.square(s.P.copy())
             d2 = join_ranges(x, P, readings[..., 0], sensor.R.item(), self.gate, self.second_order, self.iterations)
             return _count_distances(_set_belief(s, x, P), d2, self.gate, True)
         shift, extra = np.zeros(1), np.zeros((1, 1))
@@ -206,9 +178,9 @@ class EkfJoint(kalman.TeamParameters):
             if k > 0:
                 back = (at.x - s.x)[..., None]
                 y = y + (H_i @ back[:, :, None] + H_j @ back[:, None])[..., 0]
-            linear = linear_readings(y, H_i, H_j, R)
+            linear = joint.linear_readings(y, H_i, H_j, R)
             if k == 0:
-                d2 = distances(square(s.P), linear)
+                d2 = distances(joint.square(s.P), linear)
             at = self._add(s, d2 <= self.gate, linear, last=k == self.iterations - 1)
         return _count_distances(at, d2, self.gate, True)
 
@@ -222,7 +194,7 @@ class EkfJoint(kalman.TeamParameters):
         x = np.where(lost[..., None] & (np.arange(d) < 2), np.append((low + high) / 2, 0.0)[:d], s.x)
         uniform = np.diag(np.append((high - low) ** 2 / 12, np.pi**2 / 3)[:d])
         P = np.where(lost[:, :, None, None, None] | lost[:, None, None, :, None], 0.0, s.P)
-        P = P + block_diagonal(np.where(lost[..., None, None], uniform, 0.0))
+        P = P + joint.block_diagonal(np.where(lost[..., None, None], uniform, 0.0))
         return s._replace(x=x, P=P, refused=np.where(lost, 0.0, s.refused))
 
     def _one_by_one(self, s: State, z: Senses, air: Mail) -> State:
@@ -230,7 +202,7 @@ class EkfJoint(kalman.TeamParameters):
         plain = self.iterations == 1 and not self.second_order and self.engine == "batched"
         for sensor, readings in self._team_readings(s.world, z, air):
             if plain and isinstance(sensor, Range):
-                x, P = s.x.copy(), square(s.P.copy())
+                x, P = s.x.copy(), joint.square(s.P.copy())
                 add_ranges(x, P, readings[..., 0], sensor.R.item(), self.gate)
                 s = _set_belief(s, x, P)
                 continue
@@ -259,18 +231,18 @@ class EkfJoint(kalman.TeamParameters):
 
         Before the `last` iteration P' is not needed.
         """
-        P = square(s.P)
+        P = joint.square(s.P)
         if self.engine == "batched" and not last:
-            return _set_belief(s, flat(s.x) + solve_mean(P, use, readings), P)
-        step, P = solve_together(self.engine, P, use, readings)
-        return _set_belief(s, flat(s.x) + step, P)
+            return _set_belief(s, joint.flat(s.x) + joint.solve_mean(P, use, readings), P)
+        step, P = joint.solve_together(self.engine, P, use, readings)
+        return _set_belief(s, joint.flat(s.x) + step, P)
 
     def _update(self, s: State, y: Array, at: Mapping[int, Array], R: Array) -> State:
         """Kalman update of the joint state by a reading whose Jacobian is given `at` some robots and 0 elsewhere."""
         if self.engine == "batched":
-            return _set_belief(s, *sparse_update(s.x, square(s.P), y, at, R, self.gate))
-        H, update = dense(at, s.world.robots), kalman.ENGINES[self.engine].update
-        return _set_belief(s, *update(flat(s.x), square(s.P), y, H, R, self.gate))
+            return _set_belief(s, *joint.sparse_update(s.x, joint.square(s.P), y, at, R, self.gate))
+        H, update = joint.dense(at, s.world.robots), kalman.ENGINES[self.engine].update
+        return _set_belief(s, *update(joint.flat(s.x), joint.square(s.P), y, H, R, self.gate))
 
 
 def _select_part(sighting: str, world: World, z: Senses) -> tuple[World, Senses]:

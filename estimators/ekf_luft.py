@@ -5,9 +5,8 @@ measures robot j, the two assemble their joint Gaussian and update it exactly; e
 all others approximately, as if its new belief came from a reading of its own.
 
 Sent, in numbers of 8 bytes and with a header of 8: request 0; reply x_j, P_j, sigma_ji, d + d(d+1)/2 + d^2; result
-x_j', P_j', d + d(d+1)/2. If the link fails in either direction, the reading is lost. Added by us: a gate; and the
-implied joint of two robots, which the approximation can make indefinite, has its correlation cut to `LIMIT`.
-CoLo calls this filter LS-BDA.
+x_j', P_j', d + d(d+1)/2. If the link fails in either direction, the reading is lost. Ours: a gate, and the limit on the
+correlation of two robots (`LIMIT`).
 
 Source: L. Luft, T. Schubert, S. Roumeliotis, W. Burgard, "Recursive decentralized localization for multi-robot systems
 with asynchronous pairwise communication", IJRR 37(10), 2018.

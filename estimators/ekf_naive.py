@@ -1,7 +1,6 @@
 """Cooperative EKF that ignores cross-covariances: it treats every received belief as independent of its own.
 
-It is not: what two robots learned from each other comes back as if it were new, so the covariance falls without reason.
-Covariance intersection, and the filters that keep cross terms, exist to avoid this mistake.
+What two robots learned from each other comes back as if it were new, so the covariance falls without reason.
 
 Source: S. Roumeliotis, G. Bekey, "Distributed multirobot localization", IEEE T-RA 18(5), 2002, with P_ij = 0 always;
 A. Howard, M. Mataric, G. Sukhatme, "Putting the 'I' in 'team'", ICRA 2003, on such circular reasoning.

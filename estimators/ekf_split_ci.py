@@ -1,17 +1,14 @@
 """Split covariance intersection: only the part of a covariance that may be correlated is inflated.
 
-A covariance is P = Pd + Pi. Own odometry and own readings feed Pi; covariance intersection with the weight w acts on Pd
-alone, so that no unknown correlation between the dependent parts can make the result over-confident. The weight
-minimises the position trace. Added by us: a reading is not used where that trace would not fall, or where det P would
-rise; otherwise a reading that does not depend on the heading inflates it without bound.
+A covariance is P = Pd + Pi. Own odometry and own readings feed Pi; covariance intersection with the weight w of least
+position trace acts on Pd alone. Ours: a reading is not used where that trace would not fall, or det P would rise.
 
 Sent, in one broadcast a tick: x and the triangles of Pd and Pi (8 numbers, with a heading 15) and, with a camera, range
 and bearing of every teammate in sight; 8 bytes each. A robot that was sighted uses that reading, too (`both`).
 
-Which part of a received estimate counts as independent (`form`): "literal", its independent part, as in the equations;
-but its sender also keeps that part as independent, and with independent priors nothing ever becomes dependent: the
-filter *is* ekf-naive. "received", none of it; still somewhat over-confident, because the sender goes on treating what
-it sent as independent. "conservative", what its sender has never sent before; a robot treats what it sent as dependent.
+Which part of a received estimate counts as independent (`form`): "literal", its independent part, which its sender also
+keeps: with independent priors the filter *is* ekf-naive. "received", none of it: still somewhat over-confident.
+"conservative", what its sender has never sent before; a robot treats what it sent as dependent.
 
 Source: H. Li, F. Nashashibi, "Cooperative multi-vehicle localization using split covariance intersection filter", IEEE
 Intelligent Transportation Systems Magazine 5(2), 2013. Pd is updated in Joseph's form, because Pd = P - Pi would not

@@ -1,18 +1,12 @@
 """Gaussian belief propagation: every robot holds its own part of the team's factor graph, and messages do the rest.
 
-A robot holds its last `window` poses, a chain tied by odometry and by readings of fixed things, and one factor for
-each of its readings of teammates, which also depends on a pose that the teammate holds. What the one knows of that
-pose, and what the other's factor says of it, go over the air in every tick as long as the pose is in the window; no
-message repeats what its receiver said. A lost packet loses this tick's messages, and the next one brings newer ones.
-Where the graph is a tree the beliefs become exact. Where it has loops the means converge to the most probable poses of
-`map-joint`, and covariances become too small: what came around a loop counts as new. What leaves the window each robot
-keeps as one Gaussian; that two robots have it from each other is forgotten, and counts twice where they meet again.
+A robot holds its last `window` poses, a chain tied by odometry and by readings of fixed things, solved at once, and one
+factor for each of its readings of teammates. Once a tick robots tell each other what they know of such a pose, and what
+a factor says of it; no message repeats what its receiver said. Where the graph is a tree the beliefs become exact;
+where it has loops covariances become too small. What leaves the window each robot keeps as one Gaussian.
 
-Within a robot the chain is solved at once, `iterations` times a tick; between robots messages go once a tick, in the
-source any number of times. The window, and what it keeps, are our reading of the source (its abstract and talks).
-
-Sent to each teammate, in numbers of 8 bytes: 5 for the newest position, mean and covariance; and for every reading
-between the two in the window 5 from each: the robot that was read says where it was, the other what the reading says.
+Sent to each teammate, in numbers of 8 bytes: 5 for the newest position, mean and covariance; and 5 from each for every
+reading between the two in the window. The window, and what it keeps, are our reading of the source (its abstract).
 
 Sources: R. Murai, J. Ortiz, S. Saeedi, P. Kelly, A. Davison, "A robot web for distributed many-device localisation",
 IEEE T-RO 40, 2024, arXiv 2202.03314; A. Davison, J. Ortiz, "FutureMapping 2: Belief belief propagation for spatial

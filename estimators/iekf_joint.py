@@ -1,19 +1,15 @@
 """The joint EKF with the right-invariant error of SE(2): no reading between robots says where the whole team faces.
 
-Like ekf-joint it is centralised. A team without landmarks cannot know its common position and heading: readings of
-teammates stay the same when all turn together. The EKF linearises one tick's readings here and the next one's where
-these moved the estimate; its Jacobians then disagree on that direction, and its covariance shrinks there without
-reason. The error xi of a pose X = exp(xi) X^ is one vector for all robots when the team turns, wherever the estimates
-are, so that no reading of a teammate says anything of it.
-
-With e = (position, heading) - estimate, e = T xi to first order, T = [I, J p^; 0, 1], J the turn by 90 degrees. The
-state here holds P = T P_xi T', as ekf-joint does; then F and H are the EKF's own, since F = T(x') T(x)^-1 for any move,
-and only two things differ after readings: the estimate moves along the group, and P goes with it. Where robots have a
-compass, and no heading to estimate, this is ekf-joint with iterations=1, second_order=false and lost=1.
+The EKF linearises one tick's readings here and the next one's where these moved the estimate, so that its Jacobians
+disagree on the direction in which the whole team turns, and its covariance shrinks there without reason. The error xi
+of a pose X = exp(xi) X^ is one vector for all robots when the team turns, of which no reading of a teammate says
+anything. With e = (position, heading) - estimate, e = T xi to first order, T = [I, J p^; 0, 1], J the turn by 90
+degrees. The state holds P = T P_xi T', as ekf-joint does; then F and H are the EKF's own, and only two things differ
+after readings: the estimate moves along the group, and P goes with it. With a compass this is ekf-joint with
+iterations=1, second_order=false and lost=1.
 
 Sources: A. Barrau, S. Bonnabel, "The invariant extended Kalman filter as a stable observer", IEEE T-AC 62(4), 2017. For
-teams, arXiv 2405.04000 (transformed EKF) and 2303.01205 (Kalman decomposition), known to us by their abstracts: the
-change of coordinates, which makes the unknowable directions constant, is theirs; its form here is the group's.
+teams, arXiv 2405.04000 and 2303.01205 (the change of coordinates), known by their abstracts; its form is the group's.
 """
 
 from dataclasses import dataclass
@@ -21,16 +17,9 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
+from cooploc.estimators import joint_gaussian as joint
 from cooploc.estimators import kalman
 from cooploc.estimators.interface import Array, Belief, Mail, Rows, Senses, Traffic, World
-from cooploc.estimators.joint_gaussian import (
-    block_diagonal,
-    linear_fixed,
-    linear_readings,
-    move_blocks,
-    solve_together,
-    square,
-)
 from cooploc.estimators.joint_kernels import LinearReadings, distances
 from cooploc.estimators.models import fixed_readings, wrap_heading
 
@@ -54,23 +43,23 @@ class IekfJoint(kalman.TeamParameters):
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
         world = kalman.assume(self, world)
-        return State(prior.x, block_diagonal(prior.P), world)
+        return State(prior.x, joint.block_diagonal(prior.P), world)
 
     def predict(self, s: State, z: Senses) -> State:
         """P_xi' = P_xi + Ad Q Ad', which is P' = F P F' + Q."""
         x, F, Q = kalman.move(s.world.motion, s.x, z)
-        return s._replace(x=x, P=move_blocks(self.engine, square(s.P), F, Q).reshape(s.P.shape))
+        return s._replace(x=x, P=joint.move_blocks(self.engine, joint.square(s.P), F, Q).reshape(s.P.shape))
 
     def correct(self, s: State, z: Senses) -> State:
         for sensor, place, reading in fixed_readings(s.world, z, self.anchor_reading):
             y, H, _ = kalman.innovation(sensor, s.x, place, reading)
-            s = self._update_together(s, linear_fixed(y, H, sensor.R))
+            s = self._update_together(s, joint.linear_fixed(y, H, sensor.R))
         return s
 
     def exchange(self, s: State, z: Senses, air: Mail) -> tuple[State, Traffic]:
         for sensor, reading in kalman.reading_tables(s.world, z, air):
             y, H_i, H_j = kalman.linearise(sensor, s.x[:, :, None], s.x[:, None], reading)
-            s = self._update_together(s, linear_readings(y, H_i, H_j, sensor.R))
+            s = self._update_together(s, joint.linear_readings(y, H_i, H_j, sensor.R))
         return s, kalman.no_traffic(s.x)
 
     def estimate(self, s: State) -> Belief:
@@ -78,8 +67,8 @@ class IekfJoint(kalman.TeamParameters):
 
     def _update_together(self, s: State, readings: LinearReadings) -> State:
         """P' = (P^-1 + H'R^-1 H)^-1,  step = P' H'R^-1 y by all readings that the gate allows, then along the group."""
-        use = distances(square(s.P), readings) <= self.gate
-        step, P = solve_together(self.engine, square(s.P), use, readings)
+        use = distances(joint.square(s.P), readings) <= self.gate
+        step, P = joint.solve_together(self.engine, joint.square(s.P), use, readings)
         return _along_group(s, step.reshape(s.x.shape), P.reshape(s.P.shape))
 
 

@@ -79,10 +79,6 @@ class Motion(Protocol):
         """Return x', F = dx'/dx (..., d, d), Q (..., d, d)."""
         ...
 
-    def input_noise(self, x: Array, u: Array, dt: Array) -> tuple[Array, Array]:
-        """Return G = dx'/du (..., d, k) and the covariance W (..., k, k) of the odometry u's error: Q = G W G'."""
-        ...
-
     def sample(self, x: Array, u: Array, dt: Array, noise: Array) -> Array:
         """Return x' with the odometry's error drawn: `noise` (..., 2) is standard normal."""
         ...

@@ -4,21 +4,16 @@ Two beliefs about the same k numbers, N(0, a) and N(y, b), are multiplied, and d
 
     C^-1 = a^-1 + b^-1 - G^-1,    y' = C (b^-1 y - G^-1 m).                                                          (1)
 
-*Inverse covariance intersection*: G = w a + (1 - w) b, m = (1 - w) y, with the w that minimises a trace of C. If the
-estimates are independent but for information they share, C is never less than the mean squared error of y', whatever w,
-and with the best w never more than covariance intersection gives. Other correlations may make it over-confident.
+*Inverse covariance intersection*: G = w a + (1 - w) b, m = (1 - w) y, with the w of least trace: a bound if the
+estimates are independent but for information they share. *Harmonic mean density*: the product f g / (v g + (1 - v) f)
+of the densities, the denominator a Gaussian of the same moments: G = v b + (1 - v) a + v (1 - v) y y', m = v y.
 
-*Harmonic mean density*: the product f g / (v g + (1 - v) f) of the densities f of the first and g of the second, with
-the denominator replaced by the Gaussian of the same mean and covariance: G = v b + (1 - v) a + v (1 - v) y y' and m = v
-y. That is (1) with w = 1 - v and the spread of the two means added to G; no bound is known.
-
-A *reading* of H x is about part of the state: x' = x + L y' and P' = P - L (a - C) L' with a = H P H' and L = P H'
-a^-1. Then x - L H x is independent of the reading.
+A *reading* of H x is about part of the state: x' = x + L y', P' = P - L (a - C) L', a = H P H', L = P H' a^-1.
 
 Sources: B. Noack, J. Sijs, M. Reinhardt, U. D. Hanebeck, "Decentralized data fusion with inverse covariance
 intersection", Automatica 79, 2017. N. Sharma, R. Tharmarasa, S. Bhaumik, T. Kirubarajan, "On pooling-based track fusion
-strategies: harmonic mean density", arXiv 2412.06716. The single Gaussian for the denominator, and the reading of part
-of a state, are our reading.
+strategies: harmonic mean density", arXiv 2412.06716. The Gaussian for the denominator, and the reading of part of a
+state, are ours.
 """
 
 from collections.abc import Callable
@@ -39,9 +34,8 @@ Rule = Callable[[Array, Array, Array, Array], tuple[Array, Array]]
 def combine(rule: Rule, x: Array, P: Array, y: Array, H: Array, N: Array, gate: float) -> tuple[Array, Array]:
     """Update x, P by readings with innovation y (r, k), H (r, k, d) and noise N (r, k, k), with the sender's belief.
 
-    M makes tr(M C) the part of tr P' that a rule can change. Rows whose reading is absent (nan) come back as they are,
-    and so do those beyond twice the gate, as in `ekf_ci.py`: a true reading passes whatever the correlation. So do rows
-    with a singular H P H': a range to a teammate that is believed to be at the same place has no direction.
+    M makes tr(M C) the part of tr P' that a rule can change. Rows whose reading is absent (nan) or beyond twice the
+    gate, or whose H P H' is singular, come back as they are.
     """
     use = np.flatnonzero(present(y, H, N))
     S = H[use] @ P[use] @ H[use].mT + N[use]

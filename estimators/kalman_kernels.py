@@ -1,8 +1,7 @@
 """The compiled loops of the Kalman filters over rows: small matrices, one reading a row, scalar readings in turn.
 
-numpy pays for an operation once per call, which rules where rows are few: a recording of five robots is one trial, and
-has thousands of ticks. Each kernel does for a row what a function in `kalman.py` or `models.py` does in numpy for all
-rows at once; a row's bits depend on nothing but the row.
+Each kernel does for a row what a function in `kalman.py` or `models.py` does in numpy for all rows at once: where rows
+are few, as in a recording, numpy's calls cost more than their work. A row's bits depend on nothing but the row.
 """
 
 import numpy as np

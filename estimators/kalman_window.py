@@ -1,7 +1,7 @@
 """A sliding window over a team's last states: its log-posterior, its Kalman smoother, and a second place to start.
 
-Everything is linearised at the window's own states; the past before the window is one Gaussian. Radio is reciprocal:
-shadowing is the same in both directions of a pair, so that a tick's two RSSI readings count as one.
+All is linearised at the window's own states; the past before it is one Gaussian. A tick's two RSSI readings of a pair
+count as one, as shadowing is the same in both directions.
 
 Sources: B. Bell, "The iterated Kalman smoother as a Gauss-Newton method", SIAM J. Optimization 4(3), 1994; A. Bryson,
 M. Frazier, "Smoothing for linear and nonlinear dynamic systems", TDR 63-119, Wright-Patterson AFB, 1963 (the way back).

@@ -1,11 +1,8 @@
 """The team's maximum a posteriori estimate over all readings up to now: a bound for every filter.
 
-Every reading of every robot reaches one computer, which holds the team's last `window` positions and finds the most
-probable ones together. The past beyond the window is one Gaussian, linearised where the window left it. Each tick
-repeats a Kalman smoother over the window `iterations` times, linearised at what the last pass found: this is the
-Gauss-Newton method on the log-posterior. It finds the optimum next to where it starts, so while the window still holds
-the whole past it starts at a second place too, where each robot's readings of fixed things put its track, and the more
-probable result is kept. Nothing is gated, as the bound is meant for worlds whose models are right.
+One computer gets every reading and finds the team's most probable last `window` positions by the Gauss-Newton method: a
+Kalman smoother over the window, repeated `iterations` times. The past beyond is one Gaussian. While the window holds
+the whole past, a second start is tried, where readings of fixed things put each track. Nothing is gated.
 
 Sources: B. Bell, "The iterated Kalman smoother as a Gauss-Newton method", SIAM J. Optimization 4(3), 1994; G. Sibley,
 L. Matthies, G. Sukhatme, "Sliding window filter with application to planetary landing", J. Field Robotics 27(5), 2010.
@@ -16,19 +13,11 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
+from cooploc.estimators import kalman_window as window
 from cooploc.estimators.errors import require
 from cooploc.estimators.interface import Array, Belief, Mail, Rows, Senses, Traffic, World
 from cooploc.estimators.kalman import no_traffic
-from cooploc.estimators.kalman_window import (
-    Window,
-    add_mail,
-    append_tick,
-    cost,
-    drop_oldest,
-    empty,
-    second_start,
-    smooth_window,
-)
+from cooploc.estimators.kalman_window import Window
 from cooploc.estimators.models import wrap_heading
 
 
@@ -63,23 +52,23 @@ class MapJoint:
         require(self, window=(1, 10_000), iterations=(1, 1000))
 
     def init(self, prior: Belief, world: World, rows: Rows) -> Window:
-        return empty(prior, world)
+        return window.empty(prior, world)
 
     def predict(self, s: Window, z: Senses) -> Window:
         """Add a new state x' = f(x, u) at the end of the window."""
-        return append_tick(s, z)
+        return window.append_tick(s, z)
 
     def correct(self, s: Window, z: Senses) -> Window:
         return s
 
     def exchange(self, s: Window, z: Senses, air: Mail) -> tuple[Window, Traffic]:
         """Repeat Gauss-Newton over the window, by readings of fixed things too. Then the oldest state may leave."""
-        s = add_mail(s, air)
+        s = window.add_mail(s, air)
         best, filtered = _optimise(s, self.iterations)
         if s.young:
-            best, filtered = _more_probable(best, filtered, *_optimise(second_start(s), self.iterations))
+            best, filtered = _more_probable((best, filtered), _optimise(window.second_start(s), self.iterations))
         if best.x.shape[1] == self.window:
-            best = drop_oldest(best, filtered[0])
+            best = window.drop_oldest(best, filtered[0])
         return best, no_traffic(best.last)
 
     def estimate(self, s: Window) -> Belief:
@@ -87,22 +76,24 @@ class MapJoint:
         return Belief(wrap_heading(s.last), np.einsum("tiaib->tiab", s.P.reshape(t, n, d, n, d)))
 
 
-def _optimise(s: Window, iterations: int) -> tuple[Window, list[Belief]]:
-    """Return the window after so many Gauss-Newton passes, and the last pass's filter."""
+Optimum = tuple[Window, list[Belief]]  # and the last pass's filter
+
+
+def _optimise(s: Window, iterations: int) -> Optimum:
+    """Return the window after so many Gauss-Newton passes."""
     for _ in range(iterations):
-        found = smooth_window(s)
+        found = window.smooth_window(s)
         s = s._replace(x=found.x, P=found.filtered[-1].P)
     return s, found.filtered
 
 
-def _more_probable(
-    s: Window, filtered: list[Belief], other: Window, others: list[Belief]
-) -> tuple[Window, list[Belief]]:
+def _more_probable(one: Optimum, other: Optimum) -> Optimum:
     """Return the optimum of larger posterior density, trial by trial."""
-    better = cost(other) < cost(s)
+    (s, filtered), (s1, others) = one, other
+    better = window.cost(s1) < window.cost(s)
 
     def choose(a: Array, b: Array) -> Array:
         return np.where(better.reshape(-1, *[1] * (a.ndim - 1)), b, a)
 
     filtered = [Belief(*map(choose, a, b)) for a, b in zip(filtered, others, strict=True)]
-    return s._replace(x=choose(s.x, other.x), P=choose(s.P, other.P)), filtered
+    return s._replace(x=choose(s.x, s1.x), P=choose(s.P, s1.P)), filtered

@@ -215,10 +215,8 @@ def _moments(x, w, r, label, k, out):
     out[r, k, XX], out[r, k, XY], out[r, k, YY] = xx / total, xy / total, yy / total
 
 
-# A few particles as a density: Gaussian kernels around a sample of them.
-#
-# With a = sqrt(1 - h^2), the kernels N(m + a (x_s - m), h^2 P) have together the mean m and covariance P of the
-# particles, up to what is lost by sampling. h = S^(-1/6) is Scott's rule for S samples of two numbers.
+# A few particles as a density: kernels N(m + a (x_s - m), h^2 P) around a sample of them, with a = sqrt(1 - h^2), which
+# keep mean m and covariance P. h = S^(-1/6) is Scott's rule for S samples of two numbers.
 #
 # Source: J. Liu, M. West, "Combined parameter and state estimation in simulation-based filtering", 2001; D. Scott,
 # "Multivariate density estimation", 1992.

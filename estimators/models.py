@@ -4,7 +4,7 @@ Sensors and motions read the width d of a state x (2: a robot with a compass, 3:
 leading axes, and are immutable. Angles live in (-pi, pi] and are never averaged or subtracted raw.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import lru_cache
 from typing import Any, Literal
@@ -14,7 +14,7 @@ import numpy as np
 from cooploc.estimators.compiled import strict_kernel
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import TOO_NEAR_TO_RANGE as TOO_NEAR_TO_RANGE
-from cooploc.estimators.interface import Array, Belief, Motion, Senses, Sensor, World
+from cooploc.estimators.interface import Array, Senses, Sensor, World
 
 
 def wrap(angle: Array) -> Array:
@@ -231,12 +231,6 @@ class Displacement:
         shape = (*moved.shape, d)
         return moved, np.broadcast_to(np.eye(d), shape), np.broadcast_to(Q, shape)
 
-    def input_noise(self, x: Array, u: Array, dt: Array) -> tuple[Array, Array]:
-        """G = (I, 0)' (..., d, 2),  W = sigma^2 dt/tick I (..., 2, 2)."""
-        d, lead = x.shape[-1], np.broadcast_shapes(x.shape[:-1], u.shape[:-1])
-        W = self._variance(dt)[..., None, None] * np.eye(2)
-        return np.broadcast_to(np.eye(d, 2), (*lead, d, 2)), np.broadcast_to(W, (*lead, 2, 2))
-
     def sample(self, x: Array, u: Array, dt: Array, noise: Array) -> Array:
         return _add_position(x, _replace_absent(u) + np.sqrt(self._variance(dt))[..., None] * noise)
 
@@ -261,8 +255,7 @@ class Unicycle:
     def move(self, x: Array, u: Array, dt: Array) -> tuple[Array, Array, Array]:
         """x' = x + v dt (cos a, sin a), heading' = heading + omega dt, with a = heading + omega dt / 2.
 
-        Q = G diag(sigma_v^2, sigma_omega^2) G' tick dt, G = d(move)/d(v dt, omega dt): the random-walk form, so that
-        the variance of many short moves equals that of one long move.
+        Q = G diag(sigma_v^2, sigma_omega^2) G' tick dt, G = d(move)/d(v dt, omega dt).
         """
         u, dt = _replace_absent(u), np.asarray(dt)
         arc, turn = u[..., 0] * dt, u[..., 1] * dt
@@ -274,19 +267,6 @@ class Unicycle:
         W = np.array([self.sigma_v**2, self.sigma_omega**2]) * self.tick
         Q = (G * (W * dt[..., None])[..., None, :]) @ G.mT
         return self._step(x, arc, turn), F, Q
-
-    def input_noise(self, x: Array, u: Array, dt: Array) -> tuple[Array, Array]:
-        """G as in `move`, times dt (..., 3, 2),  W = diag(sigma_v^2, sigma_omega^2) tick/dt (..., 2, 2).
-
-        W is 0 where dt is 0.
-        """
-        u, dt = _replace_absent(u), np.asarray(dt)
-        arc, a = u[..., 0] * dt, x[..., 2] + u[..., 1] * dt / 2
-        c, s, zero = np.cos(a), np.sin(a), np.zeros_like(a)
-        G = _matrix([[c, -arc * s / 2], [s, arc * c / 2], [zero, zero + 1]]) * dt[..., None, None]
-        rate = np.divide(self.tick, dt, out=np.zeros(dt.shape), where=dt > 0)
-        W = np.diag([self.sigma_v**2, self.sigma_omega**2]) * rate[..., None, None]
-        return G, np.broadcast_to(W, (*G.shape[:-2], 2, 2))
 
     def sample(self, x: Array, u: Array, dt: Array, noise: Array) -> Array:
         u, dt = _replace_absent(u), np.asarray(dt)
@@ -329,9 +309,8 @@ def _rotate(v: Array, angle: Array) -> Array:
 
 
 # Direction of arrival: the gradient of the signal strength over the arena, by central differences between four corner
-# nodes, points towards the robot. Its noise is Gaussian in the gradient, not in the angle: near the centre the angle
-# says nothing (RMS error 79 deg within 0.5 m, 7 deg beyond 3 m). Hence several densities: the paper's Gaussian of
-# constant sigma, whose error can be read in three ways, the exact projected normal, and that of the gradient.
+# nodes, points towards the robot. Its noise is Gaussian in the gradient, not in the angle, which says nothing near the
+# centre. Hence several densities: the paper's constant sigma, read in three ways, the exact one, and the gradient's.
 #
 # Sources: Latif & Parasuraman, eqs. (1)-(4); R. Parasuraman et al., "Spatial sampling strategy for a 3D sound source
 # localization sensor network using RSSI", 2013 (the central differences); K. V. Mardia, "Statistics of Directional
@@ -482,9 +461,8 @@ def _rms_error(eta: float, sigma: float, sides: tuple[float, float], grid: int =
 
 
 # What a Kalman filter makes of the four corner anchors: a direction, the gradient it comes from, or raw readings.
-# The gradient has independent Gaussian errors of standard deviation sigma/a and sigma/b [dB/m], a and b the arena's
-# sides. With u = (a g_x, b g_y)/sigma measured and m expected, the angle between them has, given |u|, a von Mises
-# density of concentration |u||m|, and a variance near 1/(|u||m|): large near the centre, where the gradient vanishes.
+# With u = (a g_x, b g_y)/sigma measured and m expected, a and b the arena's sides, the angle between them has, given
+# |u|, a von Mises density of concentration |u||m|, and a variance near 1/(|u||m|).
 #
 # Source: K. V. Mardia, P. E. Jupp, "Directional Statistics", 2000, sec. 3.5.4 (the angle of a Gaussian vector, given
 # its length, is von Mises).
@@ -582,23 +560,10 @@ def inflate(world: World, factor: float) -> World:
     return replace(world, sensors=sensors)
 
 
-# The models as pure functions for tracing libraries: `xp` is jax.numpy, or another with numpy's names. Nothing is
-# written in place, and no branch looks at a value. H = jax.jacfwd(lambda x: expect(jnp, sensor, x, place))(x)
+# The sensors as pure functions for tracing libraries: `xp` is jax.numpy, or another with numpy's names. Nothing is
+# written in place, and no branch looks at a value.
 
 Traced = Any  # an array of the library
-
-
-def move(xp: Any, motion: Motion, x: Traced, u: Traced, dt: Traced) -> Traced:
-    """Return x' (..., d) of states (..., d) by odometry (..., k) over dt (...); where it is absent, no move."""
-    u = xp.where(xp.isnan(u), 0.0, u)
-    if isinstance(motion, Displacement):
-        return xp.concatenate([x[..., :2] + u, x[..., 2:]], -1)
-    if isinstance(motion, Unicycle):
-        arc, turn = u[..., 0] * dt, u[..., 1] * dt
-        a = x[..., 2] + turn / 2
-        north = x[..., 1] + arc * xp.sin(a)
-        return xp.stack([x[..., 0] + arc * xp.cos(a), north, _wrap_traced(xp, x[..., 2] + turn)], -1)
-    raise TypeError(f"{type(motion).__name__} has no traceable form; known are Displacement and Unicycle")
 
 
 def expect(xp: Any, sensor: Sensor, x: Traced, q: Traced) -> Traced:
@@ -633,110 +598,3 @@ def innovation(xp: Any, sensor: Sensor, x: Traced, q: Traced, z: Traced) -> Trac
 def _wrap_traced(xp: Any, angle: Traced) -> Traced:
     """Return the same angle in [-pi, pi)."""
     return xp.remainder(angle + np.pi, 2 * np.pi) - np.pi
-
-
-@dataclass(frozen=True)
-class Layout:
-    """A state wider than a pose (velocities, biases, a clock): which of its numbers are position and heading.
-
-    It shows the world's models the pose, and spreads their Jacobians over the state. `move` leaves the rest as it is.
-
-        layout = Layout(width=5, heading=2)              # x, y, heading, and two biases
-        world, belief = layout.world(world), layout.prior(prior, [0.1**2, 0.1**2])
-        y, H, _ = world.sensors["landmark"].innovation(belief.x, q, z)   # H (2, 5)
-        return layout.estimate(x, P)                     # what a run wants: the numbers that the prior has
-    """
-
-    width: int
-    heading: int | None = None  # None: a compass frame, as where priors have 2 numbers
-
-    def __post_init__(self) -> None:
-        least = 2 if self.heading is None else 3
-        if self.width < least or (self.heading is not None and not 2 <= self.heading < self.width):
-            raise ValueError(
-                f"Layout({self.width}, heading={self.heading}): a state has its position in 0 and 1, and its heading, "
-                "where it has one, in one of the others"
-            )
-
-    @property
-    def pose(self) -> list[int]:
-        """The numbers that the world's models read."""
-        return [0, 1] if self.heading is None else [0, 1, self.heading]
-
-    def world(self, world: World) -> World:
-        """Return the world with models that read such states."""
-        sensors = {name: WideSensor(self, sensor) for name, sensor in world.sensors.items()}
-        return replace(world, motion=WideMotion(self, world.motion), sensors=sensors)
-
-    def prior(self, prior: Belief, variances: Sequence[float] | Array) -> Belief:
-        """Return a prior (..., 2 or 3) widened by what is not pose: 0, with these variances, uncorrelated."""
-        beside = [i for i in range(self.width) if i not in self.pose]
-        x = np.zeros((*prior.x.shape[:-1], self.width))
-        P = np.zeros((*x.shape, self.width))
-        x[..., self.pose] = prior.x
-        P[..., np.array(self.pose)[:, None], self.pose] = prior.P
-        P[..., beside, beside] = variances
-        return Belief(x, P)
-
-    def estimate(self, x: Array, P: Array) -> Belief:
-        """Return position, and heading where there is one, with their covariance."""
-        return Belief(x[..., self.pose], P[..., np.array(self.pose)[:, None], self.pose])
-
-    def widen(self, H: Array) -> Array:
-        """Return slopes of the pose (..., k, 2 or 3) as slopes of the state (..., k, width)."""
-        wide = np.zeros((*H.shape[:-1], self.width))
-        wide[..., self.pose] = H
-        return wide
-
-
-@dataclass(frozen=True)
-class WideSensor:
-    """A sensor for a wider state, of which it reads the pose."""
-
-    layout: Layout
-    sensor: Sensor
-
-    @property
-    def R(self) -> Array:
-        return self.sensor.R
-
-    def expect(self, x: Array, q: Array) -> Array:
-        """Return the mean reading (..., k)."""
-        mean: Array = self.sensor.expect(x[..., self.layout.pose], q)  # type: ignore[attr-defined]
-        return mean
-
-    def innovation(self, x: Array, q: Array, z: Array) -> tuple[Array, Array, Array]:
-        y, H, Hq = self.sensor.innovation(x[..., self.layout.pose], q, z)
-        return y, self.layout.widen(H), Hq
-
-
-@dataclass(frozen=True)
-class WideMotion:
-    """A motion for a wider state, of which it moves the pose and leaves the rest."""
-
-    layout: Layout
-    motion: Motion
-
-    def move(self, x: Array, u: Array, dt: Array) -> tuple[Array, Array, Array]:
-        """Return x', F (..., width, width), the identity beside the pose, and Q, zero beside it."""
-        pose, rows = self.layout.pose, np.array(self.layout.pose)[:, None]
-        moved, F, Q = self.motion.move(x[..., pose], u, dt)
-        x, wide = x.copy(), (*x.shape, x.shape[-1])
-        F_wide, Q_wide = np.broadcast_to(np.eye(x.shape[-1]), wide).copy(), np.zeros(wide)
-        x[..., pose], F_wide[..., rows, pose], Q_wide[..., rows, pose] = moved, F, Q
-        return x, F_wide, Q_wide
-
-    def input_noise(self, x: Array, u: Array, dt: Array) -> tuple[Array, Array]:
-        G, W = self.motion.input_noise(x[..., self.layout.pose], u, dt)
-        return self.layout.widen(G.mT).mT, W
-
-    def sample(self, x: Array, u: Array, dt: Array, noise: Array) -> Array:
-        x = x.copy()
-        x[..., self.layout.pose] = self.motion.sample(x[..., self.layout.pose], u, dt, noise)
-        return x
-
-    def retrace(self, trail: Array, u: Array, dt: Array) -> Array:
-        return self.motion.retrace(trail, u, dt)
-
-    def place(self, x: Array, trail: Array) -> Array:
-        return self.motion.place(x[..., self.layout.pose], trail)

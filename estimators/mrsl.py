@@ -1,8 +1,7 @@
 """Multi-robot synergistic localization (MRSL): each robot weighs its particles by its teammates' broadcast beliefs.
 
 A robot sends the mean and covariance of its belief before this tick's fusion. A robot that hears it multiplies in the
-likelihood of the radio reading of that packet, with the sender's position integrated out, as if beliefs were
-independent, which they no longer are once robots have heard each other.
+likelihood of the radio reading of that packet, with the sender's position integrated out, as if all were independent.
 
 Source: E. Latif, R. Parasuraman, "Multi-Robot Synergistic Localization in Dynamic Environments", 2022, eqs. (6)-(9).
 """

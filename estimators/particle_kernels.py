@@ -80,7 +80,7 @@ def _fill_ancestors(w, u, out):
 # of D/D_0 - 1, D_0 the middle; such links are "far", the others "near".
 #
 # In single precision products stay within 1e-38 and 1e38: only four links between robots share a logarithm, D is in
-# units of D_0 for far links, v is taken as a ratio for near ones, and no variance counts as more than `VAGUE`.
+# units of D_0 for far links, v is a ratio for near ones, and no variance counts as more than `VAGUE`.
 
 FIXED, RSSI, RANGE = range(3)  # kinds of links
 NUMBERS = 8  # per link, for the loops

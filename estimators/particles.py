@@ -1,9 +1,8 @@
 """Particle filters: the prior, motion, weights, moments and resampling that all of them share.
 
-A row is resampled systematically where its effective sample size falls below half. Liu and West's kernel follows:
-particles shrink towards the mean by a = sqrt(1 - h^2) and are spread by h times the covariance, which keeps both.
-For states that are positions (d = 2) a tick is two compiled passes over each row, `advance` and `posterior_summary`;
-with a heading, and for other motions, it is numpy, with which tests compare the loops.
+A row is resampled systematically where its effective sample size falls below half; then Liu and West's kernel keeps
+mean and covariance. For positions (d = 2) a tick is two compiled passes over each row, `advance` and
+`posterior_summary`; with a heading, and for other motions, it is numpy, with which tests compare the loops.
 
 Source: J. Liu, M. West, "Combined parameter and state estimation in simulation-based filtering", 2001.
 """
@@ -230,8 +229,7 @@ def weigh_past_packets(
 
 
 # A robot's own particle filter: on odometry and anchors it is ARL, and all others build on it; `p` is the estimator.
-# Particles are weighed by anchors, or by landmarks where the world has those instead. No reading is refused for being
-# unlikely: where gross outliers occur, as in MRCLAM, particles collapse on them.
+# Particles are weighed by anchors, or by landmarks where the world has those instead; no reading is refused.
 #
 # Source: Latif & Parasuraman, "Individual localization", eqs. (1)-(5); R. Parashar, R. Parasuraman, "Particle filter
 # based localization of access points using direction of arrival on mobile robots", VTC-Fall 2020.

@@ -20,7 +20,7 @@ PURPOSES = 8  # counters per tick, one for each of the purposes below
 
 WORDS: Any = types.Tuple((types.uint32, types.uint32))
 
-INIT, INIT_HEADING, MOVE, RESAMPLE, JITTER, JITTER_HEADING, BOX, AUDIT = range(8)
+INIT, INIT_HEADING, MOVE, RESAMPLE, JITTER, JITTER_HEADING, BOX = range(7)
 
 # What filters exchange draws from a further stream of each row: a robot that hears nobody draws what one alone draws.
 FURTHER = np.array([0, 0x6A09E667], np.uint32)  # `key ^ FURTHER` is the key of the further stream

@@ -4,10 +4,9 @@ A robot broadcasts its particles as K clusters. A robot that has a reading of th
 likelihood of that reading, as MRSL does. Then each particle is, with probability alpha, drawn again from the detection
 model, and nothing corrects the weights for that: a robot that is lost finds back to where its team sees it.
 
-Our reading: the receiver of a packet makes the detection, in the source the sender does. Particles are resampled only
-where their weights are poor; one that is drawn again has the mean weight of all, and the heading of one chosen by
-weight. Draws, clusters and alpha = 0.06 follow the public implementation of N. Zimmerman, A. Giusti, J. Guzzi,
-"Resource-aware collaborative Monte Carlo localization", IROS 2024.
+Our reading: the receiver of a packet makes the detection, in the source the sender does; particles are resampled only
+where their weights are poor; one that is drawn again has the mean weight of all. Draws, clusters and alpha = 0.06
+follow the public implementation of N. Zimmerman, A. Giusti, J. Guzzi, IROS 2024.
 
 Source: A. Prorok, A. Martinoli, "A reciprocal sampling algorithm for lightweight distributed multi-robot localization",
 IROS 2011; the clusters: A. Prorok, A. Bahr, A. Martinoli, ICRA 2012.
@@ -108,11 +107,9 @@ class ReciprocalPf(shared.ParticleParameters):
 def sample_places(sensor: Sensor, sent: Mixture, z: Array, chosen: Mask, heading: Array, key: Keys, tick: int) -> Array:
     """Draw places (c, 2) by the detection model, one for each of the c particles that are `chosen`, row by row.
 
-    The sender lies at q ~ sum_k w_k N(m_k, P_k), the robot from it at the distance and in the direction that were read;
-    a radio reads no direction, and then all are as likely. The sensor's error is drawn in the reading itself.
-
-    `sent` (r, n, K) are beliefs of the senders, z (r, n, k) is nan where there is none. Rows with particles that are
-    chosen (r, N) have a usable reading; a bearing is against their heading (r, N) [rad], 0 where there is a compass.
+    The sender lies at q ~ sum_k w_k N(m_k, P_k), the robot from it at the distance and in the direction that were read,
+    with the sensor's error; a radio reads no direction. `sent` (r, n, K) are the senders' beliefs, z (r, n, k) is nan
+    where there is none; a bearing is against the particles' heading (r, N) [rad], 0 where there is a compass.
     """
     N, row = chosen.shape[1], np.nonzero(chosen)[0]
     u = random_numbers.uniforms(key, tick, random_numbers.SENDER, N)[chosen]

@@ -1,9 +1,7 @@
 """One unscented Kalman filter over the whole team: sigma points in place of Jacobians.
 
 Like ekf-joint it is centralised. 2 n d + 1 points pass through every motion and every reading, one reading after the
-other, so it is meant for small teams. Odometry noise is additive, as the motion model gives it at the mean. Negative
-weights can make P' indefinite where a reading is far from linear, for example a range between robots that touch: such a
-reading is refused.
+other. Odometry noise is additive. A reading that would make P' indefinite, by negative weights, is refused.
 
 Sources: S. Julier, J. Uhlmann, "Unscented filtering and nonlinear estimation", Proc. IEEE 92(3), 2004; R. van der
 Merwe, "Sigma-point Kalman filters for probabilistic inference in dynamic state-space models", PhD thesis, OGI, 2004
@@ -19,15 +17,7 @@ import numpy as np
 from cooploc.estimators import kalman
 from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses, Sensor, Traffic, World
 from cooploc.estimators.joint_gaussian import block_diagonal, definite, square
-from cooploc.estimators.models import (
-    Bearing,
-    GradientDoa,
-    Sighting,
-    WeightedDoa,
-    fixed_readings,
-    wrap,
-    wrap_heading,
-)
+from cooploc.estimators.models import Bearing, GradientDoa, Sighting, WeightedDoa, fixed_readings, wrap, wrap_heading
 from cooploc.estimators.tunable import tunable
 
 Points = Callable[[Array, slice], Array]  # moves sigma points (t, s, .., d) of these trials, or reads a sensor there

@@ -12,12 +12,7 @@ from cooploc.scenarios.runner.trace import trace
 pytestmark = pytest.mark.filterwarnings("ignore")  # of the libraries, when they are imported
 FOLDER = Path(__file__).resolve().parents[2] / "benchmarks" / "peers"
 FILTERPY = "filterpy_filters.py"
-SAME = (
-    f"{FILTERPY}:Kalman",
-    f"{FILTERPY}:SquareRoot",
-    "jax_ekf.py:JaxEkf",
-    "stone_soup.py:StoneSoupEkf",
-)
+SAME = (f"{FILTERPY}:Kalman", f"{FILTERPY}:SquareRoot", "jax_ekf.py:JaxEkf", "stone_soup.py:StoneSoupEkf")
 CLOSE = (
     *(f"{FILTERPY}:{name}" for name in ("Fading", "HInfinity", "Imm", "Mmae", "Ukf", "Ckf", "Enkf")),
     "gtsam_map.py:GtsamMap",

@@ -197,17 +197,3 @@ def test_retraced_places_are_where_the_robot_was(motion, d):
         path.append(x[:, :2])
     back = np.stack([motion.place(x, trail[:, k]) for k in range(201)])
     np.testing.assert_allclose(back, np.stack(path), atol=1e-11)
-
-
-@pytest.mark.parametrize(("motion", "d"), [(Displacement(0.3), 2), (Displacement(0.3), 4), (Unicycle(), 3)])
-def test_input_noise_is_that_of_the_odometry(motion, d):
-    rng = np.random.default_rng(7)
-    x, u, dt = rng.normal(size=(20, d)), rng.normal(size=(20, 2)), rng.uniform(0.05, 0.4, 20)
-    G, W = motion.input_noise(x, u, dt)
-    moved, _, Q = motion.move(x, u, dt)
-    np.testing.assert_allclose(G @ W @ G.mT, Q, atol=1e-14)
-    for k in range(2):
-        step = 1e-6 * np.eye(2)[k]
-        np.testing.assert_allclose((motion.move(x, u + step, dt)[0] - moved) / 1e-6, G[..., k], atol=1e-6)
-    asleep = motion.input_noise(x, u, np.zeros(20))
-    np.testing.assert_array_equal(asleep[0] @ asleep[1] @ asleep[0].mT, np.zeros((20, d, d)))

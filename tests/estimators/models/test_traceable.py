@@ -1,20 +1,9 @@
-"""The models as pure functions of an array library give what the models give, with numpy, and with JAX where it is."""
+"""The sensors as pure functions of an array library give what they give, with numpy, and with JAX where it is."""
 
 import numpy as np
 import pytest
 
-from cooploc.estimators.models import (
-    Bearing,
-    Displacement,
-    LogDistance,
-    Range,
-    Sighting,
-    Unicycle,
-    expect,
-    innovation,
-    move,
-    wrap,
-)
+from cooploc.estimators.models import Bearing, LogDistance, Range, Sighting, expect, innovation, wrap
 
 SENSORS = (LogDistance(), Range(), Bearing(), Sighting())
 
@@ -43,13 +32,3 @@ def test_innovations_are_those_of_the_model(xp, sensor, d, rng):
     np.testing.assert_allclose(
         np.asarray(expect(xp, sensor, xp.asarray(x), xp.asarray(q))), sensor.expect(x, q), atol=1e-10
     )
-
-
-@pytest.mark.parametrize(("motion", "d"), [(Displacement(), 2), (Displacement(), 3), (Unicycle(), 3)])
-def test_moves_are_those_of_the_model(xp, motion, d, rng):
-    x, u, dt = rng.normal(0, 2, (20, d)), rng.normal(0, 1, (20, 2)), rng.uniform(0, 1, 20)
-    u[3] = np.nan
-    found = np.asarray(move(xp, motion, xp.asarray(x), xp.asarray(u), xp.asarray(dt)))
-    expected = motion.move(x, u, dt)[0]
-    np.testing.assert_allclose(found[:, :2], expected[:, :2], atol=1e-12)
-    np.testing.assert_allclose(np.exp(1j * found[:, 2:]), np.exp(1j * expected[:, 2:]), atol=1e-12)
