@@ -1,8 +1,6 @@
 """Plain objects as estimators: `PerRobot` adapts a loop for one robot, `PerTeam` a loop for a whole team.
 
-What a plain class needs around it is here: its parameters, the readings of its own row, random numbers for libraries
-that use the global state, its radio, and its belief made fit for a run. Ranges below `TOO_NEAR_TO_RANGE` are absent for
-it, and so are the bearings of the same sightings, as the shipped sensor models refuse them too.
+Ranges below `TOO_NEAR_TO_RANGE` are absent for it, and so are the bearings of the same sightings.
 """
 
 import random

@@ -1,14 +1,12 @@
 """The arrays of a robot's tick (prior knowledge, senses, mail) and the protocols that estimators satisfy.
 
-One leading axis `r` holds (trial, robot) rows, trial-major, so an estimator is written once for one robot and runs for
-all of them. Robots meet only through mail, which the runner carries. An estimator is a frozen dataclass of parameters
-with pure methods; its state is a NamedTuple of arrays, plus `world` and scalars that all rows share.
+One leading axis `r` holds (trial, robot) rows, trial-major. Robots meet only through mail, which the runner carries. An
+estimator is a frozen dataclass of parameters with pure methods; its state is a NamedTuple of arrays, plus `world` and
+scalars that all rows share. A tick is predict, correct, send, carry, fuse, estimate: odometry of tick k covers
+(k-1, k], readings are taken at k, and the estimate after `fuse` is compared with the truth at k.
 
-The order of a tick is predict, correct, send, carry, fuse, estimate. Odometry of tick k covers (k-1, k], readings are
-taken at k, and the estimate after `fuse` is compared with the truth at k; the prior is the belief before tick 0.
-
-nan means absent (not sensed, not heard), width 0 means that the channel does not exist. SI units; x points east, y
-north, headings are counter-clockwise from x in (-pi, pi].
+nan means absent, width 0 that the channel does not exist. SI units; x points east, y north, headings are
+counter-clockwise from x in (-pi, pi].
 """
 
 from collections.abc import Iterator, Mapping
@@ -93,10 +91,7 @@ class Motion(Protocol):
 
 
 class Sensor(Protocol):
-    """A sensor model: the reading expected at a state. x (..., d), a place q (..., 2), a reading z (..., k).
-
-    Those of `world.sensors` have `expect(x, q)` too, the mean reading (..., k), for filters that need no slopes.
-    """
+    """A sensor model: x (..., d), a place q (..., 2), a reading z (..., k); `expect(x, q)` is the mean reading."""
 
     @property
     def R(self) -> Array:
@@ -138,12 +133,10 @@ class World:
             yield from ((sensor, j, one) for j, one in _present(readings, self.robots))
 
     def stack(self, x: Array, z: Senses, mail: Mail | None = None, mates: Belief | None = None) -> "Stacked":
-        """Return all readings of a tick as one vector, linearised at x (..., d): for filters that update once a tick.
+        """Return all readings of a tick as one vector, linearised at x (..., d), of the same length in every tick.
 
-        Its length is the same in every tick: what `fixed` has, and with `mail` and `mates`, what is believed of the
-        teammates (x (..., n, d), P (..., n, d, d)), what `relative` has. y is nan where a reading is absent or refused:
-        use the rows where it is finite. The mates' covariance is added to R as if it were independent of the own; a
-        filter that fuses beliefs received again and again must not rely on that.
+        It is what `fixed` has and, with `mail` and beliefs of teammates `mates` (x (..., n, d), P (..., n, d, d)), what
+        `relative` has; y is nan where a reading is absent. The mates' covariance is added to R as if independent.
         """
         parts = []
         for sensor, places, readings in self._of_fixed(z):

@@ -1,9 +1,7 @@
 """The table of estimators, `cl.estimators()`, and the configurations of each method as published and at its best.
 
-*As published*: what the paper describes, with the paper's own readings; what its words leave open is read as in the
-presets of the studies. *At its best*: the configuration of the same method, with the same readings (the direction of
-arrival from nodes; RSSI or range from teammates), that had the smallest error of those tried in 40 trials of
-`robots-1-3/n=3` and `packet-drop/drop=0.7`. Methods that are not listed have one configuration, which is both.
+*As published*: what the paper describes, with the paper's own readings. *At its best*: of the same method and readings,
+the smallest error of those tried in 40 trials of `robots-1-3/n=3` and `packet-drop/drop=0.7`. Others have one, both.
 """
 
 from dataclasses import replace

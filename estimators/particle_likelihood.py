@@ -1,7 +1,6 @@
 """Log-likelihoods of readings at every particle: sums over anchors, teammates and past directions of arrival.
 
-The sensors of models.py have compiled loops in particle_kernels.py. The numpy forms, `*_reference`, state the same
-densities by the sensor's `innovation`: for any other sensor, and for tests.
+The sensors of models.py have compiled loops; the numpy forms, `*_reference`, serve any other sensor, and tests.
 """
 
 from collections.abc import Sequence

@@ -1,8 +1,7 @@
 """Plug-ins in Python files: how `path.py:Name` becomes an object, and which files a plug-in is made of.
 
 A file is imported under a name made from its content and that of its neighbours, the modules in its folder that it
-imports: loading it again gives the same classes, and an edited file gives new ones. Which files a plug-in is made of is
-found without importing them.
+imports: loading it again gives the same classes, and an edited file gives new ones.
 """
 
 import ast

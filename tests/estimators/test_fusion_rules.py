@@ -2,16 +2,13 @@
 
 from itertools import pairwise
 
-import cvxpy
 import numpy as np
 import pytest
 from oracles import covariances, linear_team
 from scipy.integrate import quad
-from scipy.linalg import block_diag
 from scipy.optimize import brentq, minimize_scalar
 from scipy.stats import norm
 
-from cooploc.estimators.covariance_intersection import solve_relative
 from cooploc.estimators.ekf_ci import EkfCi
 from cooploc.estimators.ekf_event_ci import EkfEventCi
 from cooploc.estimators.ekf_hmd import EkfHmd
@@ -179,43 +176,3 @@ def test_a_robot_that_is_asleep_does_not_take_its_news_for_sent():
     assert not (stream.senses.dt[:, 0] > 0).all()
     sent = trace("event", EkfEventCi(threshold=np.inf), stream).messages
     np.testing.assert_array_equal(sent.sum(), 2 * 3)
-
-
-def overlapping(P_i, P_j, H, N, R):
-    """The bound of overlapping covariance intersection on x_i by its semidefinite program, of least trace.
-
-    Known are o = A x + C e + v: a belief o_1 = x + e_i + v_1 and a reading o_2 = H x - H e_j + v_2, where v_1 and v_2
-    have N and R, and E[e e']^-1 >= Y for every Y between blkdiag(P_i^-1, 0) and blkdiag(0, P_j^-1).
-    """
-    zero = np.zeros((2, 2))
-    A, C = np.vstack([np.eye(2), H]), block_diag(np.eye(2), -H)
-    G = inv(block_diag(N, R))
-    U, B, w = *(cvxpy.Variable((2, 2), symmetric=True) for _ in range(2)), cvxpy.Variable()
-    Y = w * block_diag(inv(P_i), zero) + (1 - w) * block_diag(zero, inv(P_j))
-    held = [
-        cvxpy.bmat([[U, A.T @ G @ C], [C.T @ G @ A, Y + C.T @ G @ C]]) >> 0,
-        cvxpy.bmat([[B, np.eye(2)], [np.eye(2), A.T @ G @ A - U]]) >> 0,
-        w >= 0,
-        w <= 1,
-    ]
-    return cvxpy.Problem(cvxpy.Minimize(cvxpy.trace(B)), held).solve(solver="CLARABEL")
-
-
-@pytest.mark.parametrize("k", [1, 2])
-def test_the_relative_update_is_overlapping_covariance_intersection_of_a_pair(k):
-    """The program needs some noise N on the belief; without it, the formula is that of `solve_relative`."""
-    rng = np.random.default_rng(10)
-    N = 0.05 * np.eye(2)
-    for _ in range(5):
-        P_i, P_j, R = 4 * covariances(rng, d=2), 0.2 * covariances(rng, d=2), 0.1 * covariances(rng, d=k)
-        H = rng.normal(size=(k, 2))
-
-        def formula(w, noise, P_i=P_i, P_j=P_j, H=H, R=R):
-            return np.trace(inv(inv(P_i / w + noise) + H.T @ inv(H @ P_j @ H.T / (1 - w) + R) @ H))
-
-        def least(noise, formula=formula):
-            return minimize_scalar(formula, bounds=(1e-9, 1 - 1e-9), args=(noise,), method="bounded").fun
-
-        w = solve_relative(*(part[None] for part in (P_i, P_j, H, -H)), R, "trace", "exact").w[0]
-        assert formula(min(w, 1 - 1e-9), 0 * N) <= least(0 * N) * (1 + 1e-7)
-        assert overlapping(P_i, P_j, H, N, R) == pytest.approx(least(N), rel=1e-5)

@@ -1,13 +1,9 @@
-"""Kernels with a rule of their own: the weight of split intersection, the cut of Luft's cross terms; the cache."""
-
-import ast
-from pathlib import Path
+"""Kernels with a rule of their own: the weight of split intersection, the cut of Luft's cross terms."""
 
 import numpy as np
 import pytest
 from oracles import covariances
 
-from cooploc.estimators import compiled, kalman_kernels
 from cooploc.estimators.ekf_luft import _possible
 from cooploc.estimators.ekf_split_ci import EkfSplitCi
 from cooploc.estimators.ekf_split_ci import State as SplitState
@@ -59,12 +55,3 @@ def test_luft_cuts_an_impossible_cross_term_and_leaves_a_possible_one():
     for scale, want in ((1.0, C), (30.0, cut)):
         got = [possible(*parts) for parts in zip(A, B, scale * C, strict=True)]
         np.testing.assert_allclose(got, want, rtol=1e-9, atol=1e-12)
-
-
-def test_every_file_that_kernels_are_made_of_makes_them_compile_again():
-    """A kernel's own file does; so must those from which it takes functions and constants."""
-    for path in Path(kalman_kernels.__file__).parent.glob("*_kernels.py"):
-        for node in ast.walk(ast.parse(path.read_text())):
-            if isinstance(node, ast.ImportFrom) and "cooploc" in node.module and "interface" not in node.module:
-                taken = {node.module.split(".")[-1], *(alias.name for alias in node.names)}
-                assert taken & set(compiled.SHARED), path.name
