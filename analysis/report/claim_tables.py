@@ -107,7 +107,7 @@ def overview(found: pd.DataFrame, verdicts: pd.DataFrame, ledger: Ledger, readin
         claimed, value = spans.get(str(claim), ("", ""))
         if any(verdict.values()):
             known = {"claimed": claimed, "found": value, "readings": readings.get(str(claim), "")}
-            rows.append({"claim": claim, "says": says[str(claim)], **known, **verdict})
+            rows.append(verdict | {"claim": claim, "says": says[str(claim)], **known})
     about = (
         "Verdicts by claim: as the paper states it, then in other readings; counts where cases differ; claims of which "
         "nothing was run are left out. Found: from the smallest to the largest of the cases, as the paper states it; "
