@@ -48,10 +48,8 @@ def judge(truth: Truth, stream: Stream, estimates: Estimates, burn_in: int = 0, 
     `cl.run` on the same stream.
 
     Args:
-        truth: from `simulate`, of the same stream.
-        stream: what the others were given.
-        estimates: by name, each a `cl.Trace` or a folder of TUM files (`analysis.metrics.external` says how they are
-            called); or one folder that holds such files, or a folder of each.
+        estimates: by name, each a `cl.Trace` or a folder of TUM files; or one folder that holds such files, or a folder
+            of them for each name.
         burn_in: first ticks that do not count.
         offline: whether they were computed from the readings of all ticks at once, such as by a smoother.
 
@@ -59,13 +57,9 @@ def judge(truth: Truth, stream: Stream, estimates: Estimates, burn_in: int = 0, 
         BadInput: truth and stream do not belong together, or a trajectory does not fit them; says where.
 
     """
-    traces = read_tum(estimates, stream) if isinstance(estimates, str | Path) else {}
-    for name, given in estimates.items() if isinstance(estimates, Mapping) else ():
-        found = {name: given} if isinstance(given, Trace) else read_tum(given, stream)
-        if len(found) > 1:
-            raise BadInput(f"{given} holds {len(found)} folders of trajectories, and {name!r} is one: name that")
-        (traces[name],) = found.values()
-    for name, trace in traces.items():
+    traces = read_tum(estimates, stream) if isinstance(estimates, str | Path) else dict(estimates)
+    for name, given in traces.items():
+        trace = given if isinstance(given, Trace) else Trace.of(_read_team(Path(given), stream))
         _require_fit(name, trace, stream)
         traces[name] = replace(trace, offline=True, centralised=True) if offline else trace
     made = Run(stream.scenario, stream.seed, stream.trial, stream.hashes, traces)
@@ -74,20 +68,16 @@ def judge(truth: Truth, stream: Stream, estimates: Estimates, burn_in: int = 0, 
 
 def _require_fit(name: str, trace: Trace, stream: Stream) -> None:
     """Refuse a trace of another shape, with a pose that is not finite, or with what is not a covariance."""
-    team, d = (len(stream.trial), len(stream.time), stream.robots), trace.x.shape[-1]
-    axes = {"x": (*team, d), "P": (*team, d, d), "messages": team[::2], "bytes": team[::2]}
-    for what, wanted in axes.items():
-        if (shape := np.shape(getattr(trace, what))) != wanted or d not in (2, 3):
-            raise BadInput(
-                f"{name}: {what} has shape {shape}, not {wanted}; poses x are (trial, tick, robot, 2 or 3), and this "
-                f"stream has {team[0]} trials, {team[1]} ticks, {team[2]} robots"
-            )
-    known = not np.isnan(trace.P).all()
-    for what, array in {"pose": trace.x, **({"covariance": trace.P} if known else {})}.items():
-        for i, k, robot in np.argwhere(~np.isfinite(array).reshape(*team, -1).all(-1)):
-            where = f"robot {robot} in trial {stream.trial[i]}, tick {k}"
-            raise BadInput(f"{name}: the {what} of {where} is not finite; every tick needs one")
-    if known:
+    trials, ticks, robots = team = len(stream.trial), len(stream.time), stream.robots
+    if trace.x.shape not in ((*team, 2), (*team, 3)):
+        raise BadInput(
+            f"{name}: poses have shape {trace.x.shape}, not (trial, tick, robot, 2 or 3), and this stream has {trials} "
+            f"trials, {ticks} ticks, {robots} robots"
+        )
+    for i, k, robot in np.argwhere(~np.isfinite(trace.x).all(-1)):
+        where = f"robot {robot} in trial {stream.trial[i]}, tick {k}"
+        raise BadInput(f"{name}: the pose of {where} is not finite; every tick needs one")
+    if not np.isnan(trace.P).all():
         try:
             require_covariances(name, stream, trace.P)
         except EstimatorError as e:
@@ -114,13 +104,8 @@ def evaluate_external(
 def load_truth(
     source: str, trials: int | None = None, seed: int | None = None, data: str | Path | None = None
 ) -> tuple[Truth, Stream]:
-    """Return the truth and the stream of a file that `Stream.save` wrote, or of a scenario.
-
-    A file holds no truth: its scenario is simulated again, and must give the same readings.
-    """
+    """Return the truth and the stream of a scenario, or of a file of `Stream.save`, whose truth is simulated again."""
     if not Path(source).is_file():
-        if source.endswith(".npz"):
-            raise BadInput(f"there is no file {source}; check its path: `Stream.save` writes such files")
         return simulate(source, trials=1 if trials is None else trials, seed=seed or 0, data=data)
     if trials is not None or seed is not None:
         raise BadInput(f"{source} is a file, which says its trials and its seed itself: leave --trials and --seed out")
@@ -142,11 +127,7 @@ def load_truth(
 def read_tum(folder: str | Path, stream: Stream) -> dict[str, Trace]:
     """Read the trajectories of a folder by name: its own, or one for each of its folders, but for `truth`.
 
-    Positions come without covariances, and messages, bytes and seconds are not known: all these are nan.
-
-    Raises:
-        BadInput: there are none, a robot is missing, a stamp matches no tick, or a line is not eight finite numbers.
-
+    Covariances, messages, bytes and seconds are not known, and nan.
     """
     folder = Path(folder)
     if not folder.is_dir():
@@ -167,15 +148,12 @@ def _files(folder: Path) -> dict[tuple[int | None, int], Path]:
 def _read_team(folder: Path, stream: Stream) -> Array:
     """Read poses (t, T, n, 2 or 3) of every trial, tick and robot."""
     files, trials = _files(folder), stream.trial.tolist()
-    has = f"robots 0 to {stream.robots - 1} in trials {trials[0]} to {trials[-1]}"
-    if len(trials) == 1:
-        files = {(trials[0] if trial is None else trial, robot): path for (trial, robot), path in files.items()}
+    files = {(trials[0] if trial is None else trial, robot): path for (trial, robot), path in files.items()}
     wanted = list(product(trials, range(stream.robots)))
-    for extra in files.keys() - set(wanted):
-        raise BadInput(f"{files[extra]} is of no trial and robot of the stream, which has {has}")
-    for trial, robot in wanted:
-        if (trial, robot) not in files:
-            raise BadInput(f"{folder} has no trial{trial}-robot{robot}.txt; the stream has {has}")
+    for trial, robot in sorted(files.keys() ^ set(wanted)):
+        fact = "is of no robot of the stream" if (trial, robot) in files else "is missing"
+        has = f"robots 0 to {stream.robots - 1} in trials {trials[0]} to {trials[-1]}"
+        raise BadInput(f"{folder}: trial{trial}-robot{robot}.txt {fact}, which has {has}")
     stacked = np.stack([_read_poses(files[key], stream) for key in wanted])
     stacked = stacked.reshape(len(trials), stream.robots, len(stream.time), 3)
     return np.ascontiguousarray(stacked.swapaxes(1, 2)[..., : stream.prior.x.shape[-1]])
@@ -185,14 +163,11 @@ def _read_poses(path: Path, stream: Stream) -> Array:
     """Read positions [m] and headings [rad] (T, 3); refuse stamps that are not those of the ticks, one line each."""
     table, time = read_table(path, COLUMNS, strict=True), stream.time
     stamps, q = table.values[:, 0], table.values[:, 4:]
-    for row, (stamp, tick) in enumerate(zip(stamps, time, strict=False)):
-        if abs(stamp - tick) > LATE * stream.world.tick:
-            raise BadInput(
-                f"{table.at(row)}: its stamp is {stamp:.10g} s, and tick {row} ends at {tick:.10g} s: write one line "
-                "for each tick, with the stamps of stream.time"
-            )
     if len(stamps) != len(time):
         raise BadInput(f"{path} has {len(stamps)} lines, and the stream {len(time)} ticks: write one line for each")
+    for row in np.flatnonzero(np.abs(stamps - time) > LATE * stream.world.tick).tolist():
+        end = f"its stamp is {stamps[row]:.10g} s, and tick {row} ends at {time[row]:.10g} s"
+        raise BadInput(f"{table.at(row)}: {end}: write the stamps of stream.time")
     for row in np.flatnonzero(np.abs(np.linalg.norm(q, axis=1) - 1) > UNIT).tolist():
         raise BadInput(f"{table.at(row)}: qx qy qz qw is not a unit quaternion; heading 0 is 0 0 0 1")
     x, y, z, w = q.T
@@ -204,10 +179,6 @@ def to_tum(truth: Truth, run: Run, folder: str | Path, time: Array | None = None
 
     Characters unfit for a file name become "_". Ticks without truth are left out of the truth's file. `time` (T,) is
     that of the ticks [s], such as `stream.time`; without it their number, from 1. Return the files, the truth's first.
-
-    Raises:
-        BadInput: truth and run are swapped or of different streams, `time` is not one number a tick, or two
-            estimators would write into the same folder.
 
     """
     demand_same(truth, run)

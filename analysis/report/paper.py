@@ -126,9 +126,8 @@ NOTES = {
 
 def _tables(part: PaperPart, numbers: Numbers, columns: Sequence[str]) -> dict[str, str]:
     """Return the LaTeX of the tables of one experiment by name, each no longer than a page."""
-    asked = {"rank", "group"} & set(columns)
     by_scenario = part.rows.groupby("scenario", sort=False)
-    ranks = {str(s): rank_scenario(rows, numbers.results) if asked else ({}, {}) for s, rows in by_scenario}
+    ranks = {str(s): rank_scenario(rows, numbers.results) for s, rows in by_scenario}
     table = result_tables.results(file_name(part.name), part.rows, ranks, part.name)
     heads, cells = _chosen_cells(table, columns)
     standings = sentences.standings(part.rows, numbers.results)
@@ -155,9 +154,7 @@ def _chosen_cells(table: Table, columns: Sequence[str]) -> tuple[list[str], list
     """Return the heads of the chosen columns and the LaTeX of their cells, each value with its interval."""
     every = {column.keys[0]: column for column in table.columns}
     names = [name for name in every if not name.endswith("_low") and name not in NOT_CHOSEN]
-    if not columns:
-        raise BadInput(f"no column is chosen for the paper's tables; {nearest('', names)}")
-    for name in columns:
+    for name in columns or [""]:
         if name not in names:
             raise BadInput(f"a paper's table has no column {name!r}; {nearest(name, names)}")
     heads, cells = [], []
@@ -197,16 +194,9 @@ def _marks(row: Row) -> str:
 
 
 def pages_of(scenarios: list[str]) -> list[list[int]]:
-    """Return the numbers of rows, parted so that no table is longer than a page; a scenario's rows stay together."""
-    pages: list[list[int]] = [[]]
-    left, before = LINES, None
-    for number, scenario in enumerate(scenarios):
-        new = scenario != before
-        if left < 1 + new or (new and pages[-1] and left < min(LINES, scenarios.count(scenario) + 1)):
-            pages, left, new = [*pages, []], LINES, True
-        pages[-1].append(number)
-        left, before = left - 1 - new, scenario
-    return pages
+    """Return the numbers of rows, parted so that no table with the heads of its scenarios is longer than a page."""
+    rows = max(1, LINES * len(scenarios) // (len(scenarios) + len(set(scenarios))) - 1)
+    return [list(range(i, min(i + rows, len(scenarios)))) for i in range(0, len(scenarios), rows)]
 
 
 def _notes(rows: list[Row], chosen: Sequence[str], names: Labels, about: str) -> str:

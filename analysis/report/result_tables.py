@@ -5,6 +5,7 @@ To add a column of results to the terminal, the page, LaTeX, Markdown, CSV and a
 """
 
 import tomllib
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from functools import cache
@@ -295,7 +296,6 @@ def sweep_table(name: str, found: list[SweepChange], parameter: str) -> Table:
 
 # ------------------------------------------------------------------------------------------------ scenarios
 
-DIFFERS = "differs"
 HASH = 12  # characters of a stream's hash
 
 
@@ -306,49 +306,39 @@ def meanings() -> dict[str, dict[str, str]]:
 
 
 def scenario_tables(table: pd.DataFrame, settings: Mapping[str, Mapping[str, Any]]) -> list[Table]:
-    """Return, for each set of scenarios with the same parameters, the scenarios and then their parameters.
+    """Return the scenarios of a table of `compare`, and their parameters, of which `settings` has the values.
 
-    `table` is from `compare`; `settings` has the parameters of each scenario, as the manifest has them.
+    A parameter that not all have with one value has its values with the number of scenarios of each.
     """
-    kinds: dict[tuple[str, ...], list[str]] = {}
-    for scenario in dict.fromkeys(table["scenario"]):
-        kinds.setdefault(tuple(settings.get(scenario, {})), []).append(str(scenario))
     most = table.sort_values("trials", ascending=False, kind="stable").drop_duplicates("scenario").set_index("scenario")
-    out = []
-    for i, (names, scenarios) in enumerate(kinds.items(), 1):
-        given = {scenario: settings.get(scenario, {}) for scenario in scenarios}
-        unlike = [name for name in names if len({repr(one[name]) for one in given.values()}) > 1]
-        columns = [name for name in unlike if name != "robots"]
-        units = {name: meanings().get(name, {}).get("unit", "") for name in columns}
-        rows: list[Row] = [
-            {
-                "scenario": scenario,
-                **most.loc[scenario, ["robots", "trials", "baseline", "stream"]].to_dict(),
-                **{name: parameter_text(values[name]) for name in columns},
-            }
-            for scenario, values in given.items()
-        ]
-        heads = (
-            text_column("scenario"),
-            *map(number_column, ("robots", "trials")),
-            text_column("baseline"),
-            *(number_column(f"{name} [{unit}]" if unit else name, name) for name, unit in units.items()),
-            text_column("stream", form=lambda stream: str(stream)[:HASH]),
-        )
-        caption = (
-            "Scenarios, with the parameters in which they differ. Results of equal streams can be paired: the hash is "
-            "over every reading, link and initial position of the trials."
-        )
-        ending = f"-{i}" if len(kinds) > 1 else ""
-        out.append(Table(f"scenarios{ending}", caption, heads, rows, {"data-scenario": "scenario"}))
-        if names:
-            shared = {key: DIFFERS if key in unlike else parameter_text(v) for key, v in given[scenarios[0]].items()}
-            about = "What these scenarios share; parameters that differ have their values beside each scenario, above."
-            empty = {"unit": "", "meaning": ""}
-            lines = [{**empty, "parameter": k, "value": v, **meanings().get(k, {})} for k, v in shared.items()]
-            texts = tuple(map(text_column, ("parameter", "value", "unit", "meaning")))
-            out.append(Table(f"parameters{ending}", about, texts, lines))
-    return out
+    names = list(dict.fromkeys(table["scenario"]))
+    rows: list[Row] = most.loc[names, ["robots", "trials", "baseline", "stream"]].reset_index().to_dict("records")
+    heads = (
+        text_column("scenario"),
+        *map(number_column, ("robots", "trials")),
+        text_column("baseline"),
+        text_column("stream", form=lambda stream: str(stream)[:HASH]),
+    )
+    caption = (
+        "Scenarios. Results of equal streams can be paired: the hash is over every reading, link and initial position "
+        "of the trials."
+    )
+    values: dict[str, Counter[str]] = {}
+    for name in names:
+        for key, value in settings.get(name, {}).items():
+            values.setdefault(key, Counter())[parameter_text(value)] += 1
+    lines = [
+        {"parameter": key, "value": _counted(found, len(names)), "unit": "", "meaning": "", **meanings().get(key, {})}
+        for key, found in values.items()
+    ]
+    texts = tuple(map(text_column, ("parameter", "value", "unit", "meaning")))
+    about = "What the scenarios are made of; in brackets: in how many of them, where that is not all."
+    both = [Table("scenarios", caption, heads, rows, {"data-scenario": "scenario"})]
+    return both + [Table("parameters", about, texts, lines)] * bool(lines)
+
+
+def _counted(found: Counter[str], every: int) -> str:
+    return "; ".join(value if n == every else f"{value} ({n})" for value, n in found.items())
 
 
 def parameter_text(value: Any) -> str:

@@ -69,8 +69,8 @@ def word(line, column, value):
 @pytest.mark.parametrize(
     ("damage", "reason"),
     [
-        (lambda f: (f / "ekf-local" / "trial2-robot1.txt").unlink(), r"has no trial2-robot1\.txt; .* robots 0 to 1"),
-        (lambda f: (f / "ekf-local" / "trial2-robot2.txt").write_text(""), "is of no trial and robot of the stream"),
+        (lambda f: (f / "ekf-local" / "trial2-robot1.txt").unlink(), r"robot1\.txt is missing, .* robots 0 to 1"),
+        (lambda f: (f / "ekf-local" / "trial2-robot2.txt").write_text(""), "robot2.txt is of no robot of the stream"),
         (shutil.rmtree, "there is no folder"),
         (lambda f: [shutil.rmtree(one) for one in f.iterdir()], r"holds no trial0-robot0\.txt"),
         (edit(lambda lines: lines[:-1]), "has 5 lines, and the stream 6 ticks"),

@@ -29,12 +29,12 @@ def test_markers_differ_where_those_of_the_figures_do():
     assert len(set(html_page.markers(style.looks(BUILTIN), set()).values())) == len(BUILTIN) > 20
 
 
-def test_parameters_that_scenarios_share_are_said_once_and_others_beside_each(rows):
+def test_parameters_that_scenarios_share_are_said_once_and_others_with_their_values(rows):
     given = {f"packet-drop/drop={d}": {"robots": 5, "side": 6.0, "drop": d} for d in (0, 0.5)}
     places, parameters = scenario_tables(compare(rows, "arl", full=True), given)
-    assert [column.head for column in places.columns] == ["scenario", "robots", "trials", "baseline", "drop", "stream"]
+    assert [column.head for column in places.columns] == ["scenario", "robots", "trials", "baseline", "stream"]
     written = {row["parameter"]: (row["value"], row["unit"]) for row in parameters.rows}
-    assert written == {"robots": ("5", ""), "side": ("6", "m"), "drop": ("differs", "")}
+    assert written == {"robots": ("5", ""), "side": ("6", "m"), "drop": ("0 (1); 0.5 (1)", "")}
     values = [np.inf, None, True, [[0, 1], [2, 3]], []]
     assert list(map(parameter_text, values)) == ["∞", "none", "yes", "0, 1; 2, 3", "none"]
     models = {scenarios.family(name).model_class(name) for name in scenarios.BUILTIN}
