@@ -25,7 +25,7 @@ MAP = (
 )  # fmt: skip
 NUMBERS = (
     "claim", "scenario", "of", "than", "definition", "value", "low", "high", "trials",
-    "verdict", "letter", "preset", "code", "error", "baseline", "odometry", "implausible",
+    "verdict", "letter", "preset", "code", "error", "baseline", "dead_reckoning", "implausible",
 )  # fmt: skip
 
 

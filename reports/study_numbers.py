@@ -205,7 +205,7 @@ def in_letter(claim: str, scenario: str, **instead: str) -> Number:
 def in_reading(end: str, claim: str, scenario: str, **instead: str) -> tuple[Number, dict[str, str]]:
     """Return what a claim comes to in the reading `letter`, `code` or `preset`, and the errors it is made of [m].
 
-    These are of the estimator (`error`), of the one compared with (`baseline`) and of dead reckoning (`odometry`).
+    These are of the estimator (`error`), of the one compared with (`baseline`) and `dead_reckoning`.
     """
     table = pd.read_csv(REPORTS / "readings" / "readings.csv", dtype={"claim": str})
     dimensions = list(table)[list(table).index("implausible") + 1 :]
@@ -214,7 +214,7 @@ def in_reading(end: str, claim: str, scenario: str, **instead: str) -> tuple[Num
     named = of_claim[of_claim[end].astype(bool)].iloc[0][dimensions]
     wanted = {**named, **{name.replace("_", " "): choice for name, choice in instead.items()}}
     found = of_claim[(of_claim[dimensions] == pd.Series(wanted)).all(axis=1)].iloc[0]
-    levels = {name: f"{found[name]:.2f}" for name in ("error", "baseline", "odometry")}
+    levels = {name: f"{found[name]:.2f}" for name in ("error", "baseline", "dead_reckoning")}
     return Number(*found[["value", "low", "high"]].astype(float)), levels
 
 

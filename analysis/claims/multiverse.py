@@ -25,7 +25,7 @@ from cooploc.estimators.errors import BadInput
 from cooploc.estimators.registry import parse
 
 ENDS = ("letter", "preset", "code")  # readings that have a name
-LEVELS = ("error", "baseline", "odometry")  # RMSE [m]
+LEVELS = ("error", "baseline", "dead_reckoning")  # RMSE [m]
 ADDED = ("readings", *ENDS, *LEVELS, "implausible")
 OF_LEDGERS = ("variant", "p_holm", "stands", "otherwise", "look")  # columns of verdicts that a map does not have
 SHOWN = [name for name in COLUMNS if name not in OF_LEDGERS] + list(ADDED)
@@ -36,7 +36,7 @@ def judge(ledger: Ledger, rows: pd.DataFrame, stopping: Stopping = FIXED) -> pd.
 
     Columns are those of `verdicts.judge` without those of `OF_LEDGERS`; `readings`, how many readings of the design
     come down to this specification, and whether those of the `letter`, the `preset` and public `code` do; the RMSE [m]
-    of the estimator (`error`), of the one compared with (`baseline`) and of dead reckoning (`odometry`), nan where not
+    of the estimator (`error`), of the one compared with (`baseline`) and of `dead_reckoning`, nan where not
     run; `implausible` where the baseline is worse than dead reckoning; and one for every dimension, with the choice, or
     empty where it makes no difference. Estimators and scenarios are called as in the ledger.
     """
@@ -55,7 +55,7 @@ def judge(ledger: Ledger, rows: pd.DataFrame, stopping: Stopping = FIXED) -> pd.
                     named = _name_as_ledger(row, case, read)
                     is_end = {end: number in numbers for end, number in ends.items()}
                     levels = _levels(read, row, table)
-                    implausible = levels["baseline"] > levels["odometry"]
+                    implausible = levels["baseline"] > levels["dead_reckoning"]
                     added = {"readings": len(numbers), **is_end, **levels, "implausible": implausible}
                     out.append({**row, **named, **added, **choices})
     return pd.DataFrame(out, columns=[*SHOWN, *dimensions])

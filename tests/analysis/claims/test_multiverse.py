@@ -94,7 +94,7 @@ def test_a_reading_whose_baseline_is_worse_than_dead_reckoning_is_implausible():
     asked = ledger()
     found = cl.readings(made(asked, level, ("arl", "mrsl-rssi", "dead-reckoning")), asked)
     assert ((found["sampling"] == "box") == found["implausible"]).all()
-    np.testing.assert_allclose(found["error"] / 0.5, found["odometry"] / 1.5, rtol=0.2)
+    np.testing.assert_allclose(found["error"] / 0.5, found["dead_reckoning"] / 1.5, rtol=0.2)
     (row,) = multiverse.shares(found).to_dict("records")
     assert 0 < row["implausible"] == found["implausible"].sum() < row["specifications"]
 
