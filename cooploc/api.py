@@ -100,6 +100,24 @@ class RunChanges:
     settings: list[str]  # what differs of seed, versions, source, parameters
     sentences: list[str]  # what the changes come to
 
+    def markdown(self, title: str = "What changed") -> str:
+        """Return a heading, a table and sentences in Markdown."""
+        lines = [f"## {title}", "", run_diff.table(self.table).markdown(), *(f"- {line}" for line in self.sentences)]
+        return "\n".join([*lines, *(f"- {line}" for line in self.settings)])
+
+    def is_any(self, verdict: str) -> bool:
+        """Return whether an estimator became "worse", or failed more; "different": whether anything changed at all.
+
+        Raises:
+            BadInput: it is neither, nor empty.
+
+        """
+        found, expected = self.table["verdict"], {"": (), "worse": run_diff.WORSE, "different": None}
+        if verdict not in expected:
+            raise BadInput(f"there is no {verdict!r} to fail at; write worse or different")
+        wanted = expected[verdict]
+        return bool((found != run_diff.SAME).any() if wanted is None else found.isin(wanted).any())
+
 
 @dataclass(frozen=True, eq=False)
 class Reproduced:

@@ -252,10 +252,24 @@ def verdicts(folder: RunDirectory, ledger: Claims = None) -> None:
 
 
 @app.command()
-def compare(before: RunDirectory, after: Annotated[Path, typer.Argument(help="another run directory")]) -> None:
+def compare(
+    before: RunDirectory,
+    after: Annotated[Path, typer.Argument(help="another run directory")],
+    markdown: Annotated[
+        bool, typer.Option("--markdown", help="print Markdown, for the summary of a job in CI")
+    ] = False,
+    fail_if: Annotated[
+        str, typer.Option(help="worse: exit code 1 where an error grew; different: where any bit did")
+    ] = "",
+) -> None:
     """Say what changed from one run to another, trial by trial where their streams are the same."""
-    found = cl.compare_runs(before, after)
-    terminal.tables.show_changes(f"from {before} to {after}", found.settings, found.table, found.sentences)
+    found, title = cl.compare_runs(before, after), f"from {before} to {after}"
+    if markdown:
+        typer.echo(found.markdown(title))
+    else:
+        terminal.tables.show_changes(title, found.settings, found.table, found.sentences)
+    if found.is_any(fail_if):
+        raise typer.Exit(1)
 
 
 @app.command()

@@ -35,9 +35,10 @@ def new_estimator(name: str, folder: str | Path | None = None) -> list[Path]:
         f"{module}.py": "estimator.py.j2",
         "README.md": "README.md.j2",
         f"test_{module}.py": "test_estimator.py.j2",
+        ".github/workflows/compare.yml": "compare.yml.j2",
     }
-    home.mkdir(parents=True)
     for file, template in templates.items():
+        (home / file).parent.mkdir(parents=True, exist_ok=True)
         source = (files(__package__) / "templates" / template).read_text(encoding="utf-8")
         (home / file).write_text(Template(source, keep_trailing_newline=True).render(words), encoding="utf-8")
     return [home / file for file in templates]

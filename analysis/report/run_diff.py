@@ -1,10 +1,12 @@
 """Changes from one run to another: paired by trial where both ran on the same streams, else unpaired."""
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
 import pandas as pd
+from scipy import stats
 
 from cooploc.analysis.execution.provenance import version_changes
 from cooploc.analysis.execution.run_directory import StoredRun
@@ -16,6 +18,8 @@ from cooploc.analysis.metrics.errors import trial_means
 from cooploc.analysis.metrics.statistics import Interval
 from cooploc.analysis.report.tables import Table, TableColumn, number_column, text_column
 
+SAME, NOTHING, WORSE = "bit-equal", "no difference shown", ("worse", "fails more")  # verdicts
+REMARKED = "verdict", "pairing", "failed_a", "failed_b"
 SETTINGS = ("seed", "data", "source", "commit", "cpu")
 EXACT = ["mse", "anees", "coverage95"]
 COLUMNS = {
@@ -29,6 +33,8 @@ COLUMNS = {
     "change": "RMSE of the second over that of the first, minus 1",
     "change_low": "its 95 % interval",
     "change_high": "",
+    "p": "of a change, adjusted by Holm over all rows",
+    "verdict": "bit-equal; worse or better, where p is at most 0.05; fails more; or no difference shown",
     "anees_a": "ANEES of those trials in the first run",
     "anees_b": "and in the second",
     "consistency_a": "the flag, over all trials of the first run",
@@ -63,7 +69,20 @@ def changes(a: StoredRun, b: StoredRun) -> pd.DataFrame:
         there = [group[key] for group in groups if key in group]
         alone = {"pairing": f"only in the {'first' if key in groups[0] else 'second'} run"}
         rows.append({**row, **(_change(*there) if len(there) == 2 else alone)})
-    return pd.DataFrame(rows, columns=list(COLUMNS))
+    found = pd.DataFrame(rows, columns=list(COLUMNS))
+    found["p"] = statistics.holm(found["p"].to_numpy(float))
+    found["verdict"] = [_verdict(row) for row in found.to_dict("records")]
+    return found
+
+
+def _verdict(row: dict[str, Any]) -> str:
+    if not row["trials"] > 0:
+        return ""
+    if row["failed_b"] > row["failed_a"]:
+        return "fails more"
+    if row["equal"] == row["trials"]:
+        return SAME
+    return NOTHING if not row["p"] <= 1 - statistics.LEVEL else "worse" if row["change"] > 0 else "better"
 
 
 def _change(a: pd.DataFrame, b: pd.DataFrame) -> dict[str, Any]:
@@ -71,10 +90,12 @@ def _change(a: pd.DataFrame, b: pd.DataFrame) -> dict[str, Any]:
     before, after = (trials for part in (a, b) for trials in trial_means(part).values())
     found: dict[str, Any] = {"pairing": "unpaired", "trials": min(len(before), len(after)), "equal": 0}
     measure: Callable[[Any, Any], Interval] = unpaired_change
+    test: Callable[[Any, Any], float] = unpaired_p
     if set(a["stream"]) & set(b["stream"]):
         both = before.index.intersection(after.index)
         both = both[(before.loc[both, "stream"] == after.loc[both, "stream"]).to_numpy()]
-        before, after, measure = before.loc[both], after.loc[both], statistics.change
+        before, after = before.loc[both], after.loc[both]
+        measure, test = statistics.change, partial(statistics.p_of_change, value=0.0)
         x, y = before[EXACT].to_numpy(float), after[EXACT].to_numpy(float)
         equal = ((x == y) | (np.isnan(x) & np.isnan(y))).all(1).sum()
         found = {"pairing": "paired", "trials": len(both), "equal": int(equal)}
@@ -82,7 +103,8 @@ def _change(a: pd.DataFrame, b: pd.DataFrame) -> dict[str, Any]:
     for run, part, squares in zip("ab", (before, after), mse, strict=True):
         rmse = float(np.sqrt(squares.mean())) if len(squares) else np.nan
         found |= {f"anees_{run}": part["anees"].mean(), f"rmse_{run}": rmse}
-    return found | dict(zip(("change", "change_low", "change_high"), measure(*mse), strict=True))
+    change = dict(zip(("change", "change_low", "change_high"), measure(*mse), strict=True))
+    return found | change | {"p": 1.0 if found["equal"] == found["trials"] > 0 else test(*mse)}
 
 
 def unpaired_change(x: Any, y: Any) -> Interval:
@@ -94,6 +116,14 @@ def unpaired_change(x: Any, y: Any) -> Interval:
     low = b - a - np.hypot(b - b_low, a_high - a)
     high = b - a + np.hypot(b_high - b, a - a_low)
     return Interval(*(float(np.expm1(end)) for end in (b - a, low, high)))
+
+
+def unpaired_p(x: Any, y: Any) -> float:
+    """Return the two-sided p against no change: Welch's test of the logarithms, scaled as their interval is."""
+    found = unpaired_change(x, y)
+    log, end = np.log1p(found.value), np.log1p(found.low if found.value > 0 else found.high)
+    freedom = max(min(len(x), len(y)) - 1, 1)
+    return float(2 * stats.t.sf(abs(log / (log - end)) * stats.t.ppf(0.975, freedom), freedom)) if log else 1.0
 
 
 def settings(a: StoredRun, b: StoredRun) -> list[str]:
@@ -111,13 +141,9 @@ def sentences(found: pd.DataFrame) -> list[str]:
     same = both[(both["pairing"] == "paired") & (both["equal"] == both["trials"]) & (both["trials"] > 0)]
     lines = [f"{len(same)} of {len(both)} (scenario, estimator) are bit-equal in every trial that was compared."]
     known = both[both["change_low"].notna() & ~both.index.isin(same.index)]
-    up, down = (known["change_low"] > 0).sum(), (known["change_high"] < 0).sum()
     if len(known):
-        lines.append(
-            f"Of the {len(known)} others with an interval, RMSE grew in {up}, fell in {down}, and did not "
-            f"change significantly in {len(known) - up - down}; the intervals are 95 % and not adjusted: "
-            f"about {0.05 * len(known):.1f} would exclude 0 by chance alone."
-        )
+        lines += [f"{count} of them: {verdict}." for verdict, count in known["verdict"].value_counts().items()]
+        lines.append("A change is shown where its p, adjusted by Holm over all rows, is at most 0.05.")
     if unpaired := (both["pairing"] == "unpaired").sum():
         lines.append(
             f"Not paired, because the hashes of their streams differ: {unpaired}; their intervals are those of "
@@ -144,8 +170,7 @@ def table(found: pd.DataFrame) -> Table:
         *_before_after("bytes", "bytes", count, priority=1),
         *_before_after("µs", "seconds", microseconds, priority=2),
         number_column("trials", form=count),
-        text_column("", "pairing", "equal", "failed_a", "failed_b", of=("same", "pairing", "failed_a", "failed_b"),
-                    form=_remark),
+        text_column("", *REMARKED, "equal", of=REMARKED, form=_remark),
     )  # fmt: skip
     rows = found.assign(same=found["equal"] == found["trials"]).to_dict("records")
     return Table("changes", "What changed", columns, rows)
@@ -156,6 +181,6 @@ def _before_after(head: str, key: str, form: Format, priority: int = 0) -> tuple
     return before, number_column(f"{head}\nafter", f"{key}_b", form=form, second_line=True, priority=priority)
 
 
-def _remark(same: bool, pairing: str, before: float, after: float) -> str:
+def _remark(verdict: str, pairing: str, before: float, after: float) -> str:
     failed = f", failed {count(before)} before, {count(after)} after" if before > 0 or after > 0 else ""
-    return ("bit-equal" if same else pairing) + failed
+    return ", ".join(filter(None, (verdict, pairing * (pairing != "paired")))) + failed

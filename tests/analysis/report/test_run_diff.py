@@ -5,7 +5,9 @@ import pytest
 from made_runs import kept_from, rows_of
 
 from cooploc.analysis.metrics import statistics
-from cooploc.analysis.report.run_diff import changes, sentences, settings, table, unpaired_change
+from cooploc.analysis.report.run_diff import changes, sentences, settings, table, unpaired_change, unpaired_p
+from cooploc.api import RunChanges
+from cooploc.estimators.errors import BadInput
 
 
 def pair(folder, alter=lambda rows: rows, trials=12):
@@ -33,7 +35,8 @@ def test_a_change_is_paired_by_trial(tmp_path):
     x, y = (kept.rows.loc[kept.rows["estimator"] == "b", "mse"].to_numpy() for kept in (a, b))
     assert (row["change"], row["change_low"], row["change_high"]) == statistics.change(x, y)
     assert 0.18 < row["change_low"] < 0.2 < row["change_high"] < 0.22
-    assert "grew in 1, fell in 0" in sentences(changes(a, b))[1]
+    assert sentences(changes(a, b))[1] == "1 of them: worse."
+    assert (row["verdict"], changes(b, a).set_index("estimator").loc["b"]["verdict"]) == ("worse", "better")
 
 
 def test_only_trials_of_the_same_stream_are_paired_and_it_is_said(tmp_path):
@@ -50,6 +53,31 @@ def test_the_unpaired_interval_covers_the_ratio_as_often_as_it_says():
     rng = np.random.default_rng(3)
     found = [unpaired_change(rng.lognormal(0, 0.5, 30), 1.21 * rng.lognormal(0, 0.5, 30)) for _ in range(400)]
     assert 0.92 < np.mean([one.low < 0.1 < one.high for one in found]) < 0.98
+
+
+def test_two_runs_that_do_not_differ_are_called_different_in_at_most_5_percent():
+    """Unpaired; the paired test is that of every change, and `make prove` has it."""
+    rng = np.random.default_rng(4)
+    found = [unpaired_p(*(rng.lognormal(0, 0.5, (2, 30)))) <= 0.05 for _ in range(1000)]
+    assert 0.02 < np.mean(found) < 0.05 + 3 * np.sqrt(0.05 * 0.95 / 1000)
+
+
+@pytest.mark.parametrize(
+    ("alter", "failing", "different"),
+    [
+        (lambda rows: rows, False, False),
+        (lambda rows: rows.assign(mse=np.where(rows["estimator"] == "b", 2.0, 1.0) * rows["mse"]), True, True),
+        (lambda rows: rows.assign(mse=np.where(rows["estimator"] == "b", 0.5, 1.0) * rows["mse"]), False, True),
+        (lambda rows: rows.assign(failure=np.where(rows["trial"] == 2, "it broke", None)), True, True),
+    ],
+)
+def test_a_job_can_fail_where_an_estimator_became_worse(tmp_path, alter, failing, different):
+    before, after = pair(tmp_path, alter)
+    found = RunChanges(changes(before, after), settings(before, after), sentences(changes(before, after)))
+    assert (found.is_any("worse"), found.is_any("different"), found.is_any("")) == (failing, different, False)
+    assert found.markdown().startswith("## What changed\n\n| scenario | estimator |")
+    with pytest.raises(BadInput, match="worse or different"):
+        found.is_any("better")
 
 
 def test_what_only_one_of_them_has_is_said(tmp_path):
