@@ -33,7 +33,7 @@ COLUMNS = {
     "change": "RMSE of the second over that of the first, minus 1",
     "change_low": "its 95 % interval",
     "change_high": "",
-    "p": "of a change, adjusted by Holm over all rows",
+    "p": "of a change, adjusted by Holm over all rows that are not bit-equal",
     "verdict": "bit-equal; worse or better, where p is at most 0.05; fails more; or no difference shown",
     "anees_a": "ANEES of those trials in the first run",
     "anees_b": "and in the second",
@@ -104,7 +104,7 @@ def _change(a: pd.DataFrame, b: pd.DataFrame) -> dict[str, Any]:
         rmse = float(np.sqrt(squares.mean())) if len(squares) else np.nan
         found |= {f"anees_{run}": part["anees"].mean(), f"rmse_{run}": rmse}
     change = dict(zip(("change", "change_low", "change_high"), measure(*mse), strict=True))
-    return found | change | {"p": 1.0 if found["equal"] == found["trials"] > 0 else test(*mse)}
+    return found | change | {"p": np.nan if found["equal"] == found["trials"] else test(*mse)}
 
 
 def unpaired_change(x: Any, y: Any) -> Interval:
@@ -143,7 +143,7 @@ def sentences(found: pd.DataFrame) -> list[str]:
     known = both[both["change_low"].notna() & ~both.index.isin(same.index)]
     if len(known):
         lines += [f"{count} of them: {verdict}." for verdict, count in known["verdict"].value_counts().items()]
-        lines.append("A change is shown where its p, adjusted by Holm over all rows, is at most 0.05.")
+        lines.append("A change is shown where its p, adjusted by Holm over these rows, is at most 0.05.")
     if unpaired := (both["pairing"] == "unpaired").sum():
         lines.append(
             f"Not paired, because the hashes of their streams differ: {unpaired}; their intervals are those of "
