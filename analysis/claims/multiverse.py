@@ -67,7 +67,7 @@ def _levels(read: Case, row: dict[str, Any], table: TrialTable) -> dict[str, flo
 
     def rmse(label: str) -> float:
         try:
-            return float(np.sqrt(table.mse((where, label)).mean()))
+            return float(np.sqrt(table.mse((where, label)).mean())) if label else np.nan
         except Missing:
             return np.nan
 

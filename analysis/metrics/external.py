@@ -57,8 +57,9 @@ def judge(truth: Truth, stream: Stream, estimates: Estimates, burn_in: int = 0, 
         BadInput: truth and stream do not belong together, or a trajectory does not fit them; says where.
 
     """
-    traces = read_tum(estimates, stream) if isinstance(estimates, str | Path) else dict(estimates)
-    for name, given in traces.items():
+    traces: dict[str, Trace] = {}
+    named = read_tum(estimates, stream) if isinstance(estimates, str | Path) else estimates
+    for name, given in named.items():
         trace = given if isinstance(given, Trace) else Trace.of(_read_team(Path(given), stream))
         _require_fit(name, trace, stream)
         traces[name] = replace(trace, offline=True, centralised=True) if offline else trace
