@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 import cooploc as cl
 from cooploc.estimators import make
@@ -18,6 +19,12 @@ FOLDER = Path(__file__).resolve().parents[2] / "examples"
 COMPILED = pytest.param("numba_kernel.py:Compiled", marks=pytest.mark.slow)
 NAMES = ("filterpy_loop.py:loop", "batched_numpy.py:Batched", COMPILED, "jax_traced.py:Traced")
 WIDE = ("constant_velocity.py:ConstantVelocity", "range_bias.py:RangeBias")
+BASELINES = (
+    "multilateration.py:Multilateration",
+    "weighted_centroid.py:WeightedCentroid",
+    "differential_rss.py:DifferentialRss",
+    "markov_grid.py:MarkovGrid",
+)
 
 
 def example(name):
@@ -30,7 +37,7 @@ def example(name):
         raise
 
 
-@pytest.mark.parametrize("name", [*NAMES, *WIDE, "learned_range.py:LearnedRange"])
+@pytest.mark.parametrize("name", [*NAMES, *WIDE, *BASELINES, "learned_range.py:LearnedRange"])
 @pytest.mark.slow
 def test_an_example_passes_every_check(name):
     report = check_estimator(example(name), name)
@@ -90,3 +97,55 @@ def test_a_range_bias_is_found_where_there_is_one():
     trace("it", example(WIDE[1]).with_parameters(bias=1.0), biased, watch)
     found = [robot.x[-1] for robot in states[-1].objects]
     np.testing.assert_allclose(found, 0.8, atol=0.25)
+
+
+def robot_of(name, **parameters):
+    """A baseline's object for one robot, its world, and readings without noise at a place, raised by so many dB."""
+    _, stream = simulate("robots-1-3/n=1", ticks=1)
+    world = stream.world
+
+    def read(place, offset=0.0):
+        levels = world.sensors["anchor_rssi"].level(np.array(place), world.anchors) + offset
+        return Senses(np.array([0.1, 0.25]), np.array(1.0), levels, np.zeros((0, 2)), np.zeros((1, 2)), {})
+
+    return example(name).make(Belief(np.array([2.0, 2.0]), np.eye(2)), world, 0, None, **parameters), world, read
+
+
+@pytest.mark.parametrize("place", [(3.0, 3.0), (1.3, 4.2), (5.5, 0.7)])
+def test_without_noise_a_baseline_finds_the_place_and_differences_do_so_for_any_power(place):
+    by_ranges, _, read = robot_of(BASELINES[0])
+    by_ranges.correct(read(place))
+    np.testing.assert_allclose(by_ranges.estimate().x, place, atol=1e-5)
+    by_differences = robot_of(BASELINES[2])[0]
+    by_differences.correct(read(place, offset=7.0))
+    np.testing.assert_allclose(by_differences.estimate().x, place, atol=0.051)  # half a cell
+
+
+def test_a_weighted_centroid_divides_two_anchors_by_their_ranges_whatever_the_power():
+    robot, world, read = robot_of(BASELINES[1])
+    q, r = world.anchors, np.hypot(*(world.anchors - (1.5, 0.5)).T)
+    z = read((1.5, 0.5), offset=-9.0)
+    z.anchor_rssi[2:] = np.nan
+    robot.correct(z)
+    np.testing.assert_allclose(robot.estimate().x, (r[1] * q[0] + r[0] * q[1]) / (r[0] + r[1]), atol=1e-9)
+
+
+def test_a_markov_grid_is_the_dense_bayes_recursion_over_its_cells():
+    n, m = 8, 400
+    robot, world, read = robot_of(BASELINES[3], cells=n)
+    p, sigma, rssi = robot.p / robot.p.sum(), world.motion.sigma, world.sensors["anchor_rssi"]
+    edges = np.linspace(0, 6, n + 1)
+    inside = edges[:-1, None] + (np.arange(m) + 0.5) * 6 / n / m  # places of each cell
+    east, north = (
+        np.diff(norm.cdf(edges[:, None, None], inside + u, sigma).mean(-1), axis=0) for u in read((0, 0)).odometry
+    )
+    centres = np.array([(x, y) for x in edges[:-1] + 3 / n for y in edges[:-1] + 3 / n])
+    for place in ((2.1, 2.4), (2.2, 2.7), (2.2, 2.9)):
+        z = read(place, offset=1.0)
+        robot.predict(z)
+        robot.correct(z)
+        chance = [norm.pdf(z.anchor_rssi, rssi.level(c, world.anchors), rssi.sigma).prod() for c in centres]
+        p = np.kron(east, north) @ p * chance
+        p /= p.sum()
+        np.testing.assert_allclose(robot.p / robot.p.sum(), p, atol=1e-4)
+        np.testing.assert_allclose(robot.estimate()[0], p @ centres, atol=1e-3)
