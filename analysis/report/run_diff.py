@@ -1,6 +1,6 @@
 """Changes from one run to another: paired by trial where both ran on the same streams, else unpaired."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
@@ -75,7 +75,7 @@ def changes(a: StoredRun, b: StoredRun) -> pd.DataFrame:
     return found
 
 
-def _verdict(row: dict[str, Any]) -> str:
+def _verdict(row: Mapping[Any, Any]) -> str:
     if not row["trials"] > 0:
         return ""
     if row["failed_b"] > row["failed_a"]:
