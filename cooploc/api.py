@@ -464,7 +464,7 @@ def readings(run: AnyRun | pd.DataFrame, ledger: AnyLedger = None) -> pd.DataFra
     """Judge the claims of a paper in every reading of it that was run: one row per claim and specification.
 
     `cooploc.analysis.claims.multiverse.judge` says what the columns mean, and `shares` counts the rows by claim;
-    `cl.plot.readings` and `cl.plot.specification_curve` draw them. The study `readings` runs all readings.
+    `cl.plot.readings` draws them. The study `readings` runs all readings.
     """
     return multiverse.judge(_ledger_of(ledger), _rows_of(run), ANYTIME if _looks(run) else FIXED)
 

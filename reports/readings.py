@@ -6,6 +6,7 @@ from typing import Any
 import matplotlib.pyplot as plt
 import pandas as pd
 from matplotlib.backends.backend_pdf import PdfPages
+from specification_curves import specification_curve
 
 import cooploc as cl
 from cooploc.analysis.claims import multiverse
@@ -73,7 +74,7 @@ def draw_curves(found: pd.DataFrame, path: Path) -> None:
     """Draw a curve for each claim, one a page."""
     with PdfPages(path, metadata={"CreationDate": None}) as pdf:
         for claim in dict.fromkeys(found["claim"]):
-            figure: Any = cl.plot.specification_curve(found, claim).figure
+            figure: Any = specification_curve(found, claim)
             pdf.savefig(figure)
             plt.close(figure)
 

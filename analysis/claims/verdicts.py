@@ -243,27 +243,23 @@ class VerdictCounts(NamedTuple):
     judged: int  # cases
     decided: int
     stand: int  # decided, and by Holm over all judged cases too
-    at_most: float  # decided ones expected to be false if every truth lay at the edge of a zone
     expected: float  # decided ones expected to be false, by `statistics.expected_false`
 
     def __str__(self) -> str:
-        if not self.decided:
-            return f"Of {count_of(self.judged, 'judged case')} none is decided."
         return (
             f"Of {count_of(self.judged, 'judged case')} {self.decided} are decided, and {self.stand} of these stand "
-            f"after Holm's correction over all. Of the {self.decided} about {self.expected:.1f} are expected to be "
-            f"false, judging by how many p-values lie above one half, and {self.at_most:.1f} at most."
+            f"after Holm's correction over all; about {self.expected:.1f} are expected to be false, judging by how "
+            "many p-values lie above one half."
         )
 
 
 def count_verdicts(verdicts: pd.DataFrame) -> VerdictCounts:
     """Count the verdicts of `judge`, each case once in however many variants."""
     verdicts = verdicts.drop_duplicates(CASE)
-    p = verdicts["p"].to_numpy(float)
-    decided, judged = int(verdicts["verdict"].isin(DECIDED).sum()), int((~np.isnan(p)).sum())
-    at_most = min((1 - statistics.LEVEL) * judged, float(decided))
-    expected = min(statistics.expected_false(p), at_most)
-    return VerdictCounts(judged, decided, int(verdicts["stands"].sum()), at_most, expected)
+    p, decided = verdicts["p"].to_numpy(float), int(verdicts["verdict"].isin(DECIDED).sum())
+    judged, stand = int((~np.isnan(p)).sum()), int(verdicts["stands"].sum())
+    expected = min(statistics.expected_false(p), (1 - statistics.LEVEL) * judged, float(decided))
+    return VerdictCounts(judged, decided, stand, expected)
 
 
 # ---- verdicts in words, from the numbers alone

@@ -258,17 +258,6 @@ def is_offline(errors: pd.DataFrame) -> "pd.Series[bool]":
     return errors[OFFLINE].eq(True) if OFFLINE in errors else pd.Series(False, errors.index)
 
 
-def note_lines(errors: pd.DataFrame) -> list[str]:
-    """Return the notes of estimators, one line each: sums over trials and robots, maxima of names that begin so."""
-    columns = [name for name in errors if str(name).startswith(NOTE)]
-    lines = []
-    for (scenario, estimator), group in errors.groupby(CELL, sort=False):
-        counted = {str(c).removeprefix(NOTE): group[c] for c in columns if group[c].notna().any()}
-        said = [f"{name} {v.max() if name.startswith('largest') else v.sum():.3g}" for name, v in counted.items()]
-        lines += [f"{scenario}, {estimator}: {', '.join(said)}"] if said else []
-    return lines
-
-
 def trial_means(errors: pd.DataFrame) -> dict[tuple[str, str], pd.DataFrame]:
     """Return one row per trial that succeeded, by (scenario, estimator): means over robots, weighted by ticks.
 

@@ -7,7 +7,6 @@ from cooploc.analysis.plot.beliefs import error_over_time as error_over_time
 from cooploc.analysis.plot.beliefs import trajectories as trajectories
 from cooploc.analysis.plot.ledgers import claims as claims
 from cooploc.analysis.plot.ledgers import readings as readings
-from cooploc.analysis.plot.ledgers import specification_curve as specification_curve
 from cooploc.analysis.plot.results import pareto as pareto
 from cooploc.analysis.plot.results import rmse as rmse
 from cooploc.analysis.plot.results import tradeoff as tradeoff

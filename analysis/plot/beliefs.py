@@ -128,7 +128,7 @@ def ellipse(x: Array, P: Array, **look: Any) -> Ellipse:
 
 # ------------------------------------------------------------------------------------------------ a film
 
-MOST = 400  # pictures, if no step is asked for
+MOST = 400  # pictures
 TRAIL = 30  # ticks of the past that stay visible
 
 
@@ -139,29 +139,17 @@ def animate(
     trial: int = 0,
     interval: float = 100.0,
     ax: Axes | None = None,
-    step: int | None = None,
 ) -> FuncAnimation:
     """Show one trial, tick by tick; in a notebook `HTML(animation.to_jshtml())`, in a file `animation.save("a.gif")`.
 
-    Args:
-        truth: of the same stream as the run.
-        run: from `run`.
-        stream: of the run; with it links are drawn, dotted where the packets of both are lost.
-        trial: its number.
-        interval: between two ticks [ms].
-        ax: where to draw; a new figure if None.
-        step: ticks from one picture to the next; where not given, so many that there are at most 400 pictures, as a
-            notebook cuts off what is longer than 20 MB.
-
+    With the `stream` of the run links are drawn, dotted where the packets of both are lost; `interval` [ms] is
+    from one picture to the next, of which there are at most 400: a notebook cuts off what is longer than 20 MB.
     """
-    if step is not None and step < 1:
-        raise BadInput(f"step is {step}; it must be at least 1")
     i = find_place(truth, run, trial)[0]
     if stream is not None and stream.hashes != run.hashes:
         raise BadInput(f"this stream ({stream.scenario}) is not the run's ({run.scenario}): simulate it again")
     drawn = ax or style.new_axes(6.8, 5.2)
     draw_arena(drawn, truth.arena, stream.world if stream else None)
-    _widen(drawn, truth, run, i)
     path = truth.x[i, :, :, :2]  # (ticks, n, 2)
     links = LineCollection([], linewidths=1.0, zorder=1)
     drawn.add_collection(links)
@@ -194,17 +182,5 @@ def animate(
         style.set_note(drawn, f"{run.scenario}, trial {trial}, tick {k}")
         return []
 
-    frames = range(0, len(path), step or -(-len(path) // MOST))
+    frames = range(0, len(path), -(-len(path) // MOST))
     return FuncAnimation(drawn.get_figure(True), draw, frames=frames, interval=interval)  # type: ignore[arg-type]
-
-
-def _widen(ax: Axes, truth: Truth, run: Run, trial: int) -> None:
-    """Set limits that hold every ellipse of every tick, as far as half an arena beyond the arena."""
-    reach = [
-        np.sqrt(INSIDE_95 * np.diagonal(trace.P[trial], axis1=-2, axis2=-1)[..., :2]) for trace in run.traces.values()
-    ]
-    x, r = np.stack([trace.x[trial, ..., :2] for trace in run.traces.values()]), np.stack(reach)
-    (x0, x1), (y0, y1), most = ax.get_xlim(), ax.get_ylim(), (truth.arena[1] - truth.arena[0]) / 2
-    low = np.fmin((x0, y0), np.maximum(np.nanmin(x - r, (0, 1, 2)), truth.arena[0] - most))
-    high = np.fmax((x1, y1), np.minimum(np.nanmax(x + r, (0, 1, 2)), truth.arena[1] + most))
-    ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))

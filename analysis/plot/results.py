@@ -24,7 +24,7 @@ from cooploc.analysis.metrics.ranking import is_refused, pareto_front
 from cooploc.analysis.metrics.statistics import LEAST_TRIALS
 from cooploc.analysis.plot import style
 from cooploc.analysis.plot.style import DOTTED, PAGE, Look, Row, Style, draw_marker, name_of, set_log_scale, span
-from cooploc.estimators.errors import BadInput, nearest
+from cooploc.estimators.errors import BadInput
 
 Looks = Mapping[str, Look]
 Short = Callable[[str], str]  # from an estimator's label to its name in a figure
@@ -39,25 +39,22 @@ LETTER = 0.09  # [in] that a letter of a tick is wide
 # ------------------------------------------------------------------------------------------------ on a screen
 
 
-def rmse(
-    errors: pd.DataFrame, ax: Axes | None = None, over: str | None = None, floors: Mapping[str, float] | None = None
-) -> Axes:
+def rmse(errors: pd.DataFrame, ax: Axes | None = None, floors: Mapping[str, float] | None = None) -> Axes:
     """Draw the position RMSE of every estimator in every scenario, with 95 % intervals over trials.
 
     Hollow markers are over-confident: their 95 % ellipses hold fewer true positions than they promise. Centralised
-    estimators are grey.
+    estimators are grey. Three labels or more such as "packet-drop/drop=0.7" that differ in their value alone are drawn
+    as a sweep, with lines.
 
     Args:
-        errors: from `cl.errors`, one row per (scenario, estimator, trial, robot), or from `cl.sweep`.
+        errors: from `cl.errors` or `cl.sweep`.
         ax: where to draw; a new figure if None.
-        over: the column with the swept parameter. Without it, three labels or more such as "packet-drop/drop=0.7" that
-            differ in their value alone are drawn as a sweep, with lines.
         floors: a bound below every scenario's error [m], by its label, drawn as a dotted line.
 
     """
     table = style.summarize_for_figures(errors)
     table["floor"] = table["scenario"].map(dict(floors or {}))
-    along = _sweep(errors, table, over)
+    along = _sweep(table)
     names = list(dict.fromkeys(table["estimator"]))
     looks, height = style.session_looks(names), max(4.0, 0.6 + 0.2 * len(names))
     over_confident = bool((table["consistency"] == "over-confident").any())
@@ -351,20 +348,11 @@ def _add_keys(ax: Axes, table: pd.DataFrame, looks: Looks, name: Callable[[Any],
         draw_marker(ax, np.nan, np.nan, {**row, "consistency": ""}, looks[row["estimator"]], label=name(row))
 
 
-def _sweep(errors: pd.DataFrame, table: pd.DataFrame, over: str | None) -> pd.DataFrame | None:
-    """Return the table with `family`, `parameter` and `value` of a column of the errors, or where its labels sweep."""
-    if over is None:
-        read = swept(table)
-        one = read["parameter"].iloc[0] and len(read[["family", "parameter"]].drop_duplicates()) == 1
-        return read if one and read["value"].nunique() >= LEAST else None
-    if over not in errors:
-        raise BadInput(f"errors has no column {over!r} to draw over; {nearest(over, [*map(str, errors.columns)])}")
-    values = errors.groupby("scenario", sort=False)[over].agg(["first", "nunique"])
-    numbers = pd.api.types.is_numeric_dtype(errors[over])
-    if not numbers or (values["nunique"] != 1).any() or values["first"].duplicated().any():
-        raise BadInput(f"a line over {over!r} needs numbers, and one scenario for each of them: select them")
-    families = dict.fromkeys(label.partition("/")[0].partition("[")[0] for label in table["scenario"])
-    return table.assign(family=", ".join(families), parameter=over, value=table["scenario"].map(values["first"]))
+def _sweep(table: pd.DataFrame) -> pd.DataFrame | None:
+    """Return the table with `family`, `parameter` and `value` where its labels sweep one parameter; else None."""
+    read = swept(table)
+    one = read["parameter"].iloc[0] and len(read[["family", "parameter"]].drop_duplicates()) == 1
+    return read if one and read["value"].nunique() >= LEAST else None
 
 
 def _about_trials(table: pd.DataFrame) -> str:

@@ -38,15 +38,8 @@ def world(
 
     A solid line between robots is a packet that gets through, a dotted one is lost; vermilion has something in the way.
 
-    Args:
-        label: the scenario's label.
-        trial: its number.
-        seed: of the simulation.
-        tick: of the links and obstacles; negative ones count from the end.
-        data: directory of recordings, for a scenario that is one.
-        ax: where to draw; a new figure if None.
-        **overrides: parameters of the scenario.
-
+    `tick` is that of links and obstacles, a negative one counts from the end; `data` is the directory of recordings;
+    `overrides` are parameters of the scenario.
     """
     shown = resolve(label, data, **overrides)
     truth, stream = shown.simulate([trial], seed)
@@ -148,7 +141,7 @@ def residuals(label: str, data: str | Path) -> Axes:
 
 # ------------------------------------------------------------------------------------------------ a recording
 
-MOST_ROWS = 24  # of the time line; pairs beyond it are drawn by robot
+MOST_ROWS = 24  # of the time line
 MOST_TICKS = 2000  # of one series
 
 
@@ -158,16 +151,7 @@ def recording(log: TeamLog, note: str = "") -> Figure:
     Left the tracks: solid the truth, dotted odometry alone from the true start. Right how often the robot of a row
     measured that of a column. Below what was recorded when, a stroke for each sample; gaps are white.
     """
-    rows = series_rows(log)
-    if len(rows) > MOST_ROWS:
-        groups: dict[tuple[str, str], list[SeriesRow]] = {}
-        for row in rows:
-            groups.setdefault((row.series, row.of.partition("-")[0]), []).append(row)
-        times = [np.sort(np.concatenate([row.time for row in group])) for group in groups.values()]
-        gaps = [np.diff(np.unique(time)) for time in times]
-        rates = [1 / float(np.median(gap)) if len(gap) else np.nan for gap in gaps]
-        named = zip(groups, times, rates, groups.values(), strict=True)
-        rows = [group[0]._replace(of=key[1], time=time, rate=rate) for key, time, rate, group in named]
+    rows = series_rows(log)[:MOST_ROWS]
     figure = plt.figure(figsize=(9.2, 4.6 + 0.17 * len(rows)), layout="constrained")
     places: Any = [["tracks", "measured"], ["time", "time"]]
     axes = figure.subplot_mosaic(places, height_ratios=[4.4, 0.2 + 0.17 * len(rows)], width_ratios=[1.25, 1])

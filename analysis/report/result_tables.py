@@ -150,11 +150,7 @@ RESULTS = (
     number_column("ellipse [m²]", "area95", form=ratio, collapsed=True, report_only=True),
     number_column("diverged", form=share(1), priority=3, collapsed=True, rare=True),
     number_column(
-        "messages",
-        form=ratio,
-        priority=6,
-        collapsed=True,
-        about="messages, bytes and µs are per robot and tick",
+        "messages", form=ratio, priority=6, collapsed=True, about="messages, bytes and µs are per robot and tick"
     ),
     number_column("bytes", form=count),
     number_column("µs", "seconds", form=microseconds, second_line=True),

@@ -18,7 +18,7 @@ from cooploc.analysis.execution.run_directory import RunDir, read_run
 from cooploc.analysis.formats import change, count, count_of, duration, join_words
 from cooploc.analysis.metrics import ranking
 from cooploc.analysis.metrics.compare import outlier_warnings
-from cooploc.analysis.metrics.errors import drop_failed, note_lines
+from cooploc.analysis.metrics.errors import drop_failed
 from cooploc.analysis.metrics.ranking import short_certificate
 from cooploc.analysis.metrics.sequential import PILOT, minutes
 from cooploc.analysis.report import claim_tables, tuning_tables
@@ -27,6 +27,7 @@ from cooploc.analysis.report.result_tables import (
     STOPPED,
     STUDY,
     decision,
+    events,
     failures,
     lowest_that_qualifies,
     result_columns,
@@ -114,8 +115,8 @@ def table(table: pd.DataFrame, rows: pd.DataFrame, as_json: bool, every_column: 
         if every_column:
             for text in (*_legend(shown), *[STOPPED] * ("look" in table)):
                 console.print(text, style="dim")
-            for text in note_lines(rows):
-                console.print(text)
+            if (counted := events(rows)).rows:
+                console.print(counted.terminal())
     for text in (*ranking.certificate_remarks(table), *outlier_warnings(table)):
         console.print(text)
 

@@ -64,26 +64,11 @@ def test_the_map_has_every_number_the_claimed_one_and_the_count(found):
     assert ends == pytest.approx({"v": -70, "^": -20})
 
 
-def test_the_curve_is_sorted_and_each_choice_stands_below_its_number(found):
-    curve = cl.plot.specification_curve(found, "1")
-    points = [line for line in curve.lines if len(line.get_xdata()) == 1 and line.get_linestyle() == "None"]
-    assert dict(sorted((line.get_xdata()[0], line.get_ydata()[0]) for line in points)) == pytest.approx(
-        {0: -70, 1: -20, 2: 10}
-    )
-    matrix = curve.figure.axes[1]
-    assert [tick.get_text().strip() for tick in matrix.get_yticklabels()] == ["sampling", "walk", "box", "none"]
-    rows = {lines.get_segments()[0][0, 0]: lines.get_segments()[0].mean(0)[1] for lines in matrix.collections}
-    assert rows == {1: 1, 0: 2, 2: 3}  # place on the curve -> row of its choice
-    assert [text.get_text() for text in curve.texts] == ["letter", "preset"]
-
-
 @pytest.mark.parametrize(
     ("draw", "message"),
     [
         (lambda found: cl.plot.claims(verdicts(), variant="literal"), "no claim of the reading 'literal'"),
         (lambda found: cl.plot.readings(found[found["claim"] == "3"]), "no claim that names a size was run"),
-        (lambda found: cl.plot.specification_curve(found, "9"), "claim '9' was run; the run has those of 1, 2, 3"),
-        (lambda found: cl.plot.specification_curve(found, "1", "ratio"), "no size defined as 'ratio'"),
     ],
 )
 def test_a_claim_that_is_not_there_is_refused(found, draw, message):

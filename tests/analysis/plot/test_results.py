@@ -54,15 +54,6 @@ def test_a_sweep_is_drawn_as_lines_and_other_scenarios_side_by_side():
     assert (beside.get_xlabel(), len(beside.get_xticklabels())) == ("", 4)
 
 
-def test_a_column_can_be_drawn_along():
-    table = pd.concat([rows_of(f"trajectory[ticks={n}]", TEAM).assign(length=n) for n in (5, 10)])
-    assert cl.plot.rmse(table, over="length").get_xlabel() == "length"
-    bad = {"lenght": "did you mean 'length'", "estimator": "numbers", "trial": "one scenario for each"}
-    for name, message in bad.items():
-        with pytest.raises(cl.BadInput, match=message):
-            cl.plot.rmse(table, over=name)
-
-
 def test_the_labels_of_many_scenarios_do_not_overlap():
     ax = cl.plot.rmse(pd.concat([rows_of(f"robots-1-3/n={i}[ticks=50,drop=0.{i}]", TEAM) for i in range(1, 25)]))
     ax.figure.canvas.draw()
