@@ -12,14 +12,7 @@ from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array
 from cooploc.scenarios.recordings import schema
 from cooploc.scenarios.recordings.schema import LogColumn, ReadingColumns, Source, TeamDescription
-from cooploc.scenarios.recordings.team_log import (
-    Measured,
-    Series,
-    TeamLog,
-    build_log,
-    order_series,
-    reading_tables,
-)
+from cooploc.scenarios.recordings.team_log import Measured, Series, TeamLog, build_log, order_series, reading_tables
 from cooploc.scenarios.recordings.text_files import count_of, read_lines
 
 

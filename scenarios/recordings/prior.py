@@ -14,12 +14,7 @@ REST, REACH = 0.02, 0.1  # [m] the first motion: from the last position within R
 
 
 def start_belief(
-    robots: Sequence[str],
-    where: Sequence[str],
-    declared: Prior,
-    arena: Array,
-    poses: Array,
-    turns: Array | None,
+    robots: Sequence[str], where: Sequence[str], declared: Prior, arena: Array, poses: Array, turns: Array | None
 ) -> tuple[Belief, str]:
     """Return the belief before the first tick, x (1, n, d) and P (1, n, d, d), and a sentence of where it comes from.
 

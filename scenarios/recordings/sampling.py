@@ -193,10 +193,7 @@ class TeamReadings(NamedTuple):
 
 
 def resample_readings(
-    log: TeamLog,
-    grid: Grid,
-    bias: Mapping[Channel, Array],
-    packets: Literal["every tick", "with a reading"],
+    log: TeamLog, grid: Grid, bias: Mapping[Channel, Array], packets: Literal["every tick", "with a reading"]
 ) -> TeamReadings:
     """Return readings at the tick nearest to their stamps, ranges less their `bias` (n, others) [m]."""
     n, counts = len(log.robots), dict[str, Any]()
