@@ -290,7 +290,7 @@ def find_runs(data: Path, description: TeamDescription) -> dict[str, Path]:
     return found
 
 
-def read_run(data: Path, place: Path, name: str, description: TeamDescription) -> TeamLog:
+def read_run(place: Path, name: str, description: TeamDescription) -> TeamLog:
     """Read one run; BadInput where a topic is of another type than its table needs."""
     d = description
     moves, poses = d.odometry_and_truth

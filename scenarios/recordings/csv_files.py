@@ -46,7 +46,7 @@ class RunFiles(NamedTuple):
     zero: Array | float = 0.0  # (columns of time,) subtracted before they are summed, which keeps the nanoseconds
 
 
-def read_run(data: Path, place: Path, name: str, description: TeamDescription) -> TeamLog:
+def read_run(place: Path, name: str, description: TeamDescription) -> TeamLog:
     """Read one run."""
     d, run, zero = description, RunFiles(place, name, description, []), 0.0
     moves, poses = d.odometry_and_truth

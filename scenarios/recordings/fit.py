@@ -387,15 +387,6 @@ def _clip(e: Array, sigma: float, robust: bool) -> Array:
 SENSOR: Mapping[Channel, str] = {"range": "radio_range", "rssi": "radio_rssi"}  # other channels have the same name
 
 
-class UnfittedModel(BadInput):
-    """Values of [model] that are not stated, and cannot be fitted."""
-
-    def __init__(self, message: str, names: Sequence[str] = ()) -> None:
-        """Keep the names of the values beside the message."""
-        super().__init__(message)
-        self.names = tuple(names)
-
-
 class FitSettings(NamedTuple):
     """Settings of the fit."""
 
@@ -447,10 +438,9 @@ def team_models(log: TeamLog, parts: Sequence[FitPart], how: FitSettings) -> Tea
     lacking = [name for name, value in notes.items() if isinstance(value, float) and not np.isfinite(value)]
     lacking += [n for n, v in notes.items() if n.endswith("_bias") and not np.isfinite(list(v.values())).all()]
     if lacking:
-        raise UnfittedModel(
+        raise BadInput(
             f"run {log.name!r} is fitted on {names}, too little for {', '.join(lacking)}: state them in [model] of "
-            'log.toml, or [fit] on = "first part" with seconds = ...',
-            lacking,
+            'log.toml, or [fit] on = "first part" with seconds = ...'
         )
     return TeamModels(motion, sensors, scales, bias, {"fitted_on": names, **notes})
 
@@ -503,10 +493,9 @@ def _rssi_model(
     else:
         A, eta, fitted, memory = fit_path_loss(found, *stated, how.robust)
     if eta <= 0:
-        raise UnfittedModel(
+        raise BadInput(
             f"run {log.name!r}: {prefix}RSSI does not fall with distance in what it is fitted on (eta = {eta:.3g}); "
-            f"check the names and places in log.toml, or state {prefix}eta in [model]",
-            [f"{prefix}eta"],
+            f"check the names and places in log.toml, or state {prefix}eta in [model]"
         )
     sigma = how.sigma(f"{prefix}rssi_sigma", fitted, memory)
     notes = {f"{prefix}A": A, f"{prefix}eta": eta, f"{prefix}rssi_sigma": sigma, f"{prefix}rssi_lag1": memory.lag1}

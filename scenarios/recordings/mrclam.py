@@ -49,7 +49,7 @@ def find_runs(data: Path, description: TeamDescription) -> dict[str, Path]:
     return found
 
 
-def read_run(data: Path, place: Path, name: str, description: TeamDescription | None) -> TeamLog:
+def read_run(place: Path, name: str, description: TeamDescription | None) -> TeamLog:
     """Read one data set: robots "1", "2" ..., landmarks by their numbers."""
     if not place.is_dir():
         raise BadInput(f"{place}: there is no such directory; name the one that holds {BARCODES}")
@@ -129,7 +129,7 @@ class Mrclam(BaseModel):
     @cached_property
     def log(self) -> TeamLog:
         """The data set."""
-        return read_run(self.data, self.data, self.data.resolve().name, None)
+        return read_run(self.data, self.data.resolve().name, None)
 
     def world(self) -> World:
         """Return what the team knows: landmarks, and assumed models of motion and camera."""

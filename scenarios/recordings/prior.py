@@ -26,23 +26,16 @@ def start_belief(
         x, sd = np.tile(arena.mean(0), (n, 1)), np.tile((arena[1] - arena[0]) / np.sqrt(12), (n, 1))
         source = "anywhere in the arena"
     else:
-        first = declared.position == "first truth"
-        x = (
-            poses[0, :, :2]
-            if first
-            else np.array([_value_of(declared.position, robot, "position") for robot in robots])
-        )
-        _require(where, x, "no true position where the prior is taken", "start, or a position in [prior]")
+        x = poses[0, :, :2]
+        _require(where, x, "no true position where the prior is taken", 'start, or position = "arena" in [prior]')
         sd = np.full((n, 2), declared.position_sd)
-        source = f"{'first truth' if first else 'stated position'}, assumed sd {declared.position_sd:g} m"
+        source = f"first truth, assumed sd {declared.position_sd:g} m"
     if turns is not None:
-        heading, heading_sd = _headings(robots, where, declared, poses, turns)
+        heading, heading_sd = _headings(where, declared, poses, turns)
         x, sd = np.column_stack([x, heading]), np.column_stack([sd, heading_sd])
-        kind = declared.heading if isinstance(declared.heading, str) else "stated"
-        source += f"; heading: {kind}, assumed sd {heading_sd.min():g} rad"
-        if kind == "first motion" and (
-            still := [name for name, sd_ in zip(robots, heading_sd, strict=True) if sd_ == UNIFORM]
-        ):
+        source += f"; heading: {declared.heading}, assumed sd {heading_sd.min():g} rad"
+        still = [name for name, sd_ in zip(robots, heading_sd, strict=True) if sd_ == UNIFORM]
+        if declared.heading == "first motion" and still:
             source += f"; unknown of {', '.join(still)}, which hardly moved"
     P = np.stack([np.diag(row**2) for row in sd])
     return Belief(x[None].copy(), P[None]), source
@@ -64,33 +57,18 @@ def first_course(truth: Array, turns: Array) -> float:
     return float(wrap(np.array(course)))
 
 
-def _headings(
-    robots: Sequence[str], where: Sequence[str], declared: Prior, poses: Array, turns: Array
-) -> tuple[Array, Array]:
+def _headings(where: Sequence[str], declared: Prior, poses: Array, turns: Array) -> tuple[Array, Array]:
     """Return headings (n,) and their standard deviations (n,) [rad]; one that the first motion does not show is 0."""
-    n = len(robots)
+    n = len(where)
     if declared.heading == "unknown":
         return np.zeros(n), np.full(n, UNIFORM)
     if declared.heading == "first motion":
         _require(where, poses[0, :, :2], "no true position where the prior is taken", "another start")
         course = np.array([first_course(poses[:, i, :2], np.nan_to_num(turns[:, i])) for i in range(n)])
         return np.nan_to_num(course), np.where(np.isnan(course), UNIFORM, declared.heading_sd)
-    if declared.heading == "first truth":
-        heading = poses[0, :, 2]
-    else:
-        heading = wrap(np.array([_value_of(declared.heading, robot, "heading") for robot in robots], float))
     remedy = 'heading = "first motion" or "unknown" in [prior]'
-    _require(where, heading[:, None], "no true heading where the prior is taken", remedy)
-    return heading, np.full(n, declared.heading_sd)
-
-
-def _value_of(stated: object, robot: str, name: str) -> object:
-    """Return the stated value of a robot: by its name, or the one value of a robot alone."""
-    if not isinstance(stated, dict):
-        return stated
-    if robot not in stated:
-        raise BadInput(f"[prior] {name} in log.toml lacks robot {robot!r}; add it")
-    return stated[robot]
+    _require(where, poses[0, :, 2:], "no true heading where the prior is taken", remedy)
+    return poses[0, :, 2], np.full(n, declared.heading_sd)
 
 
 def _require(where: Sequence[str], values: Array, lack: str, remedy: str) -> None:

@@ -169,7 +169,7 @@ def find_runs(data: Path, description: TeamDescription) -> dict[str, Path]:
     return found
 
 
-def read_run(data: Path, place: Path, name: str, description: TeamDescription) -> TeamLog:
+def read_run(place: Path, name: str, description: TeamDescription) -> TeamLog:
     """Read one file as one recording; it leaves nothing for the description to say."""
     graph = read_graph(place)
     chains = _chains(graph)

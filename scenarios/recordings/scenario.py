@@ -9,9 +9,10 @@ reading"`, where a radio reading of the sender was recorded. Readings by radio e
 nowhere else.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from fnmatch import fnmatchcase
 from functools import cached_property
+from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
@@ -22,7 +23,6 @@ from cooploc.estimators import nearest
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Mask, Senses, World
 from cooploc.estimators.models import Range
-from cooploc.estimators.registry import load_object
 from cooploc.scenarios.recordings import sampling, schema
 from cooploc.scenarios.recordings.fit import (
     FitPart,
@@ -48,23 +48,13 @@ STILL = 3.0  # standard deviations of the prior
 READINGS = ("senses.anchor_rssi", "senses.landmark", "senses.sighting", "air.rssi", "air.range", "extra.anchor_range")
 
 
-class Reader(NamedTuple):
-    """The two functions that find and read recordings of one format. Both raise BadInput: fact, place and remedy.
+def reader(form: str) -> Any:
+    """Return the module that reads a format, imported when it is needed.
 
-    `data` is the directory that was named, in which files of places lie. A log is in SI units, with the declared clock
-    offsets added and the declared frame undone; a sentence for all that is left out is in its warnings.
+    It has `find_runs(data, description)` -> {name: place}, sorted by name, and `read_run(place, name, description)` ->
+    `TeamLog` in SI units, with the declared clock offsets added and the declared frame undone.
     """
-
-    find_runs: Callable[
-        [Path, TeamDescription], Mapping[str, Path]
-    ]  # (data, description) -> {name: place}, sorted by name
-    read_run: Callable[[Path, Path, str, TeamDescription], TeamLog]  # (data, place, name, description)
-
-
-def reader(form: str) -> Reader:
-    """Return the reader of a format, imported when it is needed. Raises BadInput where that fails."""
-    module = f"{__package__}.{MODULES[form]}"
-    return Reader(*(load_object(f"{module}:{name}", f"the reader of {form} recordings") for name in Reader._fields))
+    return import_module(f"{__package__}.{MODULES[form]}")
 
 
 class TeamFolder:
@@ -77,7 +67,7 @@ class TeamFolder:
         self.description = description or schema.load(data / NAME)
         self.data = data / self.description.recordings
         self._reader = reader(self.description.format)
-        self.places = self._reader.find_runs(self.data, self.description)
+        self.places: dict[str, Path] = self._reader.find_runs(self.data, self.description)
         if ALL in self.places:
             raise BadInput(f"{self.places[ALL]}: a run cannot be named {ALL!r}, the name is taken; rename it")
         self._logs: dict[str, TeamLog] = {}
@@ -87,7 +77,7 @@ class TeamFolder:
         if name not in self.places:
             raise BadInput(f"{self.data}: there is no run {name!r}; {nearest(name, [ALL, *self.places])}")
         if name not in self._logs:
-            self._logs[name] = self._reader.read_run(self.data, self.places[name], name, self.description)
+            self._logs[name] = self._reader.read_run(self.places[name], name, self.description)
         return self._logs[name]
 
     @cached_property

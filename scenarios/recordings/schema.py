@@ -21,23 +21,12 @@ file is in SI units, else `{column = "x", unit = "mm"}`:
     y = "y"
     heading = "yaw"
 
-    [ranges]                          # or several tables [[ranges]]
-    file = "uwb.csv"
-    robot = "from"
-    other = "to"                      # a robot, or an anchor
-    range = { column = "distance", unit = "mm" }
-
-    [fit]
-    on = "first part"                 # which is then not judged
-    seconds = 60.0
-
 In a bag there are topics instead: `topic = "/{robot}/odom"`, `topic = "/uwb/{robot}/{other}/distance"`.
 
 The runs of one robot may be a file each, `file = "{run}.csv"`; `wifi.log.toml` is a commented example.
 """
 
 import math
-import re
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -266,9 +255,9 @@ class Sample(Strict):
 class Prior(Strict):
     """The prior of each robot's start, and its source."""
 
-    position: Literal["first truth", "arena"] | dict[Name, Place] = "first truth"  # or its place [m] by robot
+    position: Literal["first truth", "arena"] = "first truth"
     position_sd: Positive = 0.05  # [m] per axis; "arena": uniform
-    heading: Literal["first truth", "first motion", "unknown"] | dict[Name, float] = "first truth"  # or [rad] by robot
+    heading: Literal["first truth", "first motion", "unknown"] = "first truth"
     heading_sd: Positive = 0.05  # [rad]
 
 
@@ -368,12 +357,6 @@ class TeamDescription(Strict):
         twice = next((name for name in names if names.count(name) > 1), None)
         if twice is not None:
             raise ValueError(f"{twice!r} is the name of two things among robots, anchors and landmarks; rename one")
-        for key in ("position", "heading"):
-            of = getattr(self.prior, key)
-            if isinstance(of, dict) and self.robots and set(of) != set(self.robots):
-                raise ValueError(
-                    f"[prior] {key} names {', '.join(of) or 'none'}; name each of {', '.join(self.robots)}"
-                )
         if self.sample.tick == "lines":
             tables = (self.odometry, self.truth, *self.ranges, *self.rssi, *self.sightings)
             if self.format != "csv" or len({(t.file, t.time) for t in tables if t}) > 1 or len(self.robots) != 1:
@@ -383,20 +366,11 @@ class TeamDescription(Strict):
         return self
 
 
-# ---- Reading a description; an error is one line that names line, key and remedy
+# ---- Reading a description; an error is one line that names key and remedy
 
-
-TABLES: Mapping[str, type[Strict]] = {
-    **{
-        "odometry": Odometry,
-        "truth": GroundTruth,
-        "ranges": RangesTable,
-        "rssi": RssiTable,
-        "sightings": SightingsTable,
-    },
-    **{"anchors": PlacesTable, "landmarks": PlacesTable},
-    **{"sample": Sample, "prior": Prior, "fit": Fit, "model": Model},
-}
+KINDS = (Odometry, GroundTruth, RangesTable, RssiTable, SightingsTable, *[PlacesTable] * 2, Sample, Prior, Fit, Model)
+NAMES = ("odometry", "truth", "ranges", "rssi", "sightings", "anchors", "landmarks", "sample", "prior", "fit", "model")
+TABLES: Mapping[str, type[Strict]] = dict(zip(NAMES, KINDS, strict=True))
 
 
 def load(path: Path) -> TeamDescription:
@@ -414,35 +388,18 @@ def parse(path: Path, text: str) -> TeamDescription:
     try:
         return TeamDescription.model_validate(tomllib.loads(text))
     except ValidationError as e:
-        raise BadInput(f"{path}{_reason(text, e)}") from None
+        raise BadInput(f"{path}: {_reason(e)}") from None
     except (tomllib.TOMLDecodeError, RecursionError) as e:
         raise BadInput(f"{path}: cannot be read as TOML ({e}); correct it") from None
 
 
-def _reason(text: str, e: ValidationError) -> str:
-    """Return line, key and remedy of an error; an unknown key comes first, as it explains one that is missing."""
+def _reason(e: ValidationError) -> str:
+    """Return key and remedy of an error; an unknown key comes first, as it explains one that is missing."""
     first = min(e.errors(), key=lambda error: error["type"] != "extra_forbidden")
-    path = [str(part) for part in first["loc"] if str(part).isidentifier() or isinstance(part, int)]
-    table, key = path[:2] if len(path) > 1 and path[0] in TABLES else ["", *path, ""][:2]
-    if key.isdigit() and len(path) > 2 and table in TABLES:  # one of several tables of a name
-        path = [table, *path[2:]]
-        key = path[1]
-    line = _line(text, table, key)
+    path = [str(part) for part in first["loc"] if str(part).isidentifier()]
     if first["type"] == "extra_forbidden":
-        known = list((TABLES[table] if table else TeamDescription).model_fields)
-        return f"{line}: there is no key {key!r}{f' in [{table}]' if table else ''}; {nearest(key, known)}"
+        table, key = str(first["loc"][0]) if len(first["loc"]) > 1 else "", str(first["loc"][-1])
+        known = list(TABLES.get(table, TeamDescription).model_fields)
+        return f"there is no key {key!r}{f' in [{table}]' if table else ''}; {nearest(key, known)}"
     hint = f"; {EXAMPLE}" if first["type"] == "missing" else ""
-    return f"{line}: {'.'.join(path)}{': ' if path else ''}{plain_words(first)}{hint}"
-
-
-def _line(text: str, table: str, key: str) -> str:
-    """ ", line N" of a key's first appearance in a table of the file; of the table's own where key is not in it."""
-    found, inside = "", not table
-    for i, line in enumerate(text.splitlines(), 1):
-        if header := re.match(r"\s*\[+\s*([\w.]+)", line):
-            inside = header[1] == (table or key)
-            if inside:
-                found = f", line {i}"
-        elif inside and re.match(rf"\s*[\"']?{re.escape(key)}[\"']?\s*=", line):
-            return f", line {i}"
-    return found
+    return f"{'.'.join(path)}{': ' if path else ''}{plain_words(first)}{hint}"

@@ -13,14 +13,14 @@ SHORT = DESCRIPTION.replace("seconds = 60.0", "seconds = 4.0")
 
 # What is replaced in log.toml, by what, and a part of what is said.
 IN_TOML = [
-    ('format = "csv"', 'format = "cvs"', "line 2: format"),
+    ('format = "csv"', 'format = "cvs"', "log.toml: format"),
     ('format = "csv"', 'format = "bag"', 'takes topic = "..."'),
     ('format = "csv"', 'format = "pyfg"', "says itself where everything is"),
     ('robots = ["red", "blue"]', "", "robots is missing"),
     ('robots = ["red", "blue"]', 'robots = ["red", "red"]', "'red' is the name of two things"),
     ("arena = [[0, 0], [8, 6]]", "arena = [[8, 6], [0, 0]]", "lower left and the upper right corner"),
     ("arena = [[0, 0], [8, 6]]", "", "state its corners"),
-    ('kind = "velocity"', 'kind = "speed"', "line 8: odometry.kind"),
+    ('kind = "velocity"', 'kind = "speed"', "odometry.kind"),
     ('kind = "velocity"', 'kind = "pose"', "kind 'pose' takes x, y, heading, not speed, turn_rate"),
     ('speed = "v"', "", "kind 'velocity' takes speed, turn_rate, not turn_rate"),
     ('speed = "v"', 'speed = "vv"', "there is no column 'vv'; did you mean 'v'"),
@@ -41,7 +41,8 @@ IN_TOML = [
     ("[fit]", "[anchors]\n[fit]", "anchors.places: it is missing"),
     ("[fit]", "[sample]\nstart = 100\n[fit]", "to be judged, less than a tick"),
     ("[fit]", '[prior]\nposition = "somewhere"\n[fit]', "prior.position"),
-    ("[fit]", "[prior]\nheading = { red = 0.0 }\n[fit]", "name each of red, blue"),
+    ("[fit]", "[prior]\nheading = { red = 0.0 }\n[fit]", "prior.heading"),
+    ("[fit]", "[prior]\n'' = 0.0\n[fit]", "there is no key '' in [prior]"),
     ("seconds = 4.0", "", 'on = "first part" needs seconds'),
     ('on = "first part"\nseconds = 4.0', 'on = "other runs"', "is fitted on no other run, too little for"),
     ("seconds = 4.0", "seconds = 4.0\n[model]\nsigmav = 1", "did you mean 'sigma_v'"),

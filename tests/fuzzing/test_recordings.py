@@ -86,7 +86,7 @@ def checked(read, *arguments):
 
 def read(kind, folder):
     if kind == "pyfg":
-        return checked(pyfg.read_run, folder, folder / "graph.pyfg", "graph", None)
+        return checked(pyfg.read_run, folder / "graph.pyfg", "graph", None)
     return checked(lambda: cl.simulate("mrclam/all" if kind == "mrclam" else "log/all", data=folder))
 
 
@@ -133,7 +133,7 @@ def test_a_harmed_bag_is_read_or_one_line(tmp_path, kind, part):
     path, _ = made_bag(tmp_path, kind, seconds=0.5)
     (tmp_path / "log.toml").write_text(BAGS)
     description = schema.load(tmp_path / "log.toml")
-    whole = checked(bags.read_run, tmp_path, path, "sound", description)
+    whole = checked(bags.read_run, path, "sound", description)
     assert whole.warnings == ()
     files = [path] if path.is_file() else sorted(path.iterdir(), key=lambda p: p.suffix == ".yaml")
     file = files[0 if part == "messages" else -1]
@@ -143,7 +143,7 @@ def test_a_harmed_bag_is_read_or_one_line(tmp_path, kind, part):
     @given(HARM)
     def harm_it(harm):
         file.write_bytes(harmed(content, harm))
-        found = checked(bags.read_run, tmp_path, path, "team", description)
+        found = checked(bags.read_run, path, "team", description)
         cut = part == "messages" and harm[0] in ("cut", "garbage", "empty", "remove", "folder")
         assert not cut or isinstance(found, BadInput) or found.warnings or str(found.odometry) == str(whole.odometry)
 

@@ -114,7 +114,7 @@ def _settings(log: TeamLog, runs: int) -> tuple[DraftTable, ...]:
     headed = all(s is None or np.isfinite(s.values[:, 2]).any() for s in log.truth)
     why = "the truth has a heading" if headed else "the truth has no heading: the direction of the first motion"
     prior = (
-        Entry("position", "first truth", "what the team knows of its start; or the places by name", "perhaps"),
+        Entry("position", "first truth", "what the team knows of its start", "perhaps"),
         Entry("position_sd", 0.05, "[m] how well it knows it; usual for a marked start", "perhaps"),
         Entry("heading", "first truth" if headed else "first motion", why, "likely"),
         Entry("heading_sd", 0.05 if headed else 0.2, "[rad]", "perhaps"),

@@ -8,12 +8,11 @@ import numpy as np
 from cooploc.estimators.errors import BadInput, nearest
 from cooploc.estimators.interface import Array
 from cooploc.scenarios.recordings import schema
-from cooploc.scenarios.recordings.fit import UnfittedModel
 from cooploc.scenarios.recordings.inspect import draft_toml
 from cooploc.scenarios.recordings.inspect.bag_draft import BAGS, bag_draft
 from cooploc.scenarios.recordings.inspect.checks import GAP, Finding, check_recording
 from cooploc.scenarios.recordings.inspect.csv_draft import ENDINGS, csv_draft
-from cooploc.scenarios.recordings.inspect.draft_toml import Draft, DraftTable, Entry, common_span
+from cooploc.scenarios.recordings.inspect.draft_toml import Draft, Entry, common_span
 from cooploc.scenarios.recordings.scenario import NO_ORDER, TeamScenario, reader
 from cooploc.scenarios.recordings.team_log import TeamLog, other_names
 
@@ -75,25 +74,23 @@ def inspect_recording(path: Path, run: str = "", again: bool = False) -> Inspect
     name = run or (path.stem if path.stem in places else next(iter(places)))
     if name not in places:
         raise BadInput(f"{path}: there is no run {name!r}; {nearest(name, list(places))}")
-    log = of_format.read_run(data, places[name], name, description)
+    log: TeamLog = of_format.read_run(places[name], name, description)
     if not stated and description.robots and (robots := common_robots(log)) != log.robots:
         left_out = ", ".join(robot for robot in log.robots if robot not in robots)
         entries = tuple(e._replace(value=list(robots)) if e.key == "robots" else e for e in draft.entries)
         unused = (*draft.unused, f"{left_out}: without truth, or too late or too early for the others")
         draft = draft._replace(entries=entries, unused=unused)
         description = schema.parse(home, draft.text())
-        log = of_format.read_run(data, places[name], name, description)
+        log = of_format.read_run(places[name], name, description)
     checked = check_recording(log)
     findings = tuple(checked.findings)
-    if stated:
-        try:
-            trial = try_recordings(directory, description)
-        except BadInput as e:
-            trial = Trial(str(e))
-    else:
+    if not stated:
         draft = draft_toml.complete_draft(path, draft, checked.log, findings, len(places))
-        draft, trial = run_draft(directory, home, draft, findings)
         text = draft.text(draft_toml.head_lines(path, why, draft))
+    try:
+        trial = try_recordings(directory, schema.parse(home, text))
+    except BadInput as e:
+        trial = Trial(str(e))
     found = tuple(places), log, checked.log, tuple(series_rows(log)), findings
     return Inspected(path, description.format, why, *found, draft.columns, draft.unused, text, trial)
 
@@ -149,21 +146,7 @@ def count_measurements(log: TeamLog) -> tuple[tuple[str, ...], tuple[str, ...], 
     return log.robots, names, counts
 
 
-# --- The trial of a log.toml: a draft is changed, line by line, until the recordings that it describes run
-
-USUAL = {  # values of [model] where a recording is too short to fit them
-    **{"sigma_v": 0.1, "sigma_omega": 0.2, "sigma_move": 0.05},
-    **{"range_bias": 0.0, "range_sigma": 0.2, "anchor_range_bias": 0.0, "anchor_range_sigma": 0.2},
-    **{"A": -45.0, "eta": 2.0, "rssi_sigma": 5.0, "anchor_A": -45.0, "anchor_eta": 2.0, "anchor_rssi_sigma": 5.0},
-    **{"sighting_sigma_range": 0.2, "sighting_sigma_bearing": 0.1},
-    **{"landmark_sigma_range": 0.2, "landmark_sigma_bearing": 0.1},
-}
-TOO_SHORT = "the recording is too short to fit it: a usual value"
-FALLBACKS = (  # each on top of those before, until the draft runs
-    DraftTable("fit", (Entry("on", "nothing", "too short for a part that is fitted on and not judged", "perhaps"),)),
-    DraftTable("prior", (Entry("heading", "unknown", "the recording shows none at its start", "perhaps"),)),
-    DraftTable("prior", (Entry("position", "arena", "no true position at the start", "perhaps"),)),
-)
+# --- The trial of a log.toml
 
 
 def try_recordings(data: Path, description: schema.TeamDescription) -> Trial:
@@ -188,36 +171,3 @@ def common_robots(log: TeamLog) -> tuple[str, ...]:
     while len(kept) > 1 and common_span(log, kept) < 0.1 * longest:
         kept = max(([j for j in kept if j != i] for i in kept), key=lambda some: common_span(log, some))
     return tuple(log.robots[i] for i in kept)
-
-
-def run_draft(data: Path, home: Path, draft: Draft, findings: tuple[Finding, ...]) -> tuple[Draft, Trial]:
-    """Return a draft that runs, changed where it did not, and what it then runs; else the draft and the problem."""
-    changed, problems = draft, []
-    offsets = [float(f.setting.split()[2].rstrip(";")) for f in findings if (f.kind, f.table) == ("clock", "truth")]
-    why = "the clocks share no time: found by the motion"
-    clock = (Entry("clock_offset", float(np.median(offsets)), why, "perhaps"),) if offsets else ()
-    for fallback in (None, *[DraftTable("truth", clock)] * bool(clock), *FALLBACKS):
-        changed = changed if fallback is None else change_table(changed, fallback, replace=fallback.name == "fit")
-        for _ in USUAL:
-            try:
-                description = schema.parse(home, changed.text())
-                return changed, try_recordings(data, description)
-            except UnfittedModel as e:
-                usual = tuple(Entry(name, USUAL[name], TOO_SHORT, "perhaps") for name in e.names if name in USUAL)
-                changed = change_table(changed, DraftTable("model", usual))
-                problems.append(str(e))
-            except BadInput as e:
-                problems.append(str(e))
-                break
-    return draft, Trial(problems[0])
-
-
-def change_table(draft: Draft, change: DraftTable, replace: bool = False) -> Draft:
-    """Return the draft with the entries of a table changed or added; or all of them replaced."""
-    keys = {entry.key for entry in change.entries}
-    tables = list(draft.tables)
-    at = next((i for i, table in enumerate(tables) if table.name == change.name), len(tables))
-    old = tables[at] if at < len(tables) else DraftTable(change.name, ())
-    kept = () if replace else tuple(entry for entry in old.entries if entry.key not in keys)
-    tables[at : at + 1] = [old._replace(entries=(*kept, *change.entries))]
-    return draft._replace(tables=tuple(tables))

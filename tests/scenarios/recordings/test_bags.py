@@ -91,7 +91,7 @@ def team(request, tmp_path_factory):
     description = load(folder)
     runs = bags.find_runs(folder, description)
     assert list(runs) == ["team"]
-    return bags.read_run(folder, runs["team"], "team", description), written
+    return bags.read_run(runs["team"], "team", description), written
 
 
 def test_odometry_and_truth_are_those_of_each_robots_topic(team):
@@ -131,7 +131,7 @@ def test_a_topic_that_does_not_fit_is_one_line(tmp_path, old, new, said):
     assert old in DESCRIPTION
     path, _ = made_bag(tmp_path, "mcap")
     with pytest.raises(BadInput, match=said):
-        bags.read_run(tmp_path, path, "team", load(tmp_path, DESCRIPTION.replace(old, new, 1)))
+        bags.read_run(path, "team", load(tmp_path, DESCRIPTION.replace(old, new, 1)))
 
 
 def test_each_bag_in_a_directory_is_a_run_and_a_directory_of_bags_is_one(tmp_path):

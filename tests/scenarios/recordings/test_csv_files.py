@@ -31,7 +31,7 @@ def read(folder, *changes):
     describe(folder, *changes)
     description = schema.load(folder / "log.toml")
     ((name, place),) = csv_files.find_runs(folder, description).items()
-    return csv_files.read_run(folder, place, name, description)
+    return csv_files.read_run(place, name, description)
 
 
 def same(a, b):

@@ -192,7 +192,7 @@ def test_a_bad_line_is_named_or_left_out(data, name, line, text, said):
     rows[line - 1] = text
     (data / name).write_text("\n".join(rows), encoding="latin-1")
     try:
-        lines = mrclam.read_run(data, data, "set", None).warnings
+        lines = mrclam.read_run(data, "set", None).warnings
     except BadInput as e:
         lines = (str(e),)
     assert any(name in one and said in one and "\n" not in one for one in lines), lines

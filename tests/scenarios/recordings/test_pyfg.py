@@ -30,7 +30,7 @@ EDGE_RANGE 10.0 L0 A0 2.2 0.04
 def read_graph(folder, text=GRAPH):
     path = folder / "graph.pyfg"
     path.write_text(text)
-    return pyfg.read_run(folder, path, "graph", None)
+    return pyfg.read_run(path, "graph", None)
 
 
 def test_the_vertices_are_robots_their_truth_and_places(tmp_path):
