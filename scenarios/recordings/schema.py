@@ -368,9 +368,11 @@ class TeamDescription(Strict):
 
 # ---- Reading a description; an error is one line that names key and remedy
 
-KINDS = (Odometry, GroundTruth, RangesTable, RssiTable, SightingsTable, *[PlacesTable] * 2, Sample, Prior, Fit, Model)
+KINDS: tuple[type[Strict], ...] = (Odometry, GroundTruth, RangesTable, RssiTable, SightingsTable)
 NAMES = ("odometry", "truth", "ranges", "rssi", "sightings", "anchors", "landmarks", "sample", "prior", "fit", "model")
-TABLES: Mapping[str, type[Strict]] = dict(zip(NAMES, KINDS, strict=True))
+TABLES: Mapping[str, type[Strict]] = dict(
+    zip(NAMES, (*KINDS, PlacesTable, PlacesTable, Sample, Prior, Fit, Model), strict=True)
+)
 
 
 def load(path: Path) -> TeamDescription:
