@@ -71,12 +71,6 @@ def _invertible(P, axes):
 
 
 @inlined
-def _definite(xx, xy, yy):
-    """Return whether a packet's covariance is positive definite by more than rounding."""
-    return np.isfinite(xx) and yy > 0.0 and np.isfinite(yy) and xx - xy / yy * xy > PIVOT * xx
-
-
-@inlined
 def _linearise(model, dx, dy, z):
     """Return the innovation of a range or an RSSI and its Jacobian at the offset (dx, dy); nan where refused."""
     ranged, A, slope, _ = model
@@ -125,7 +119,8 @@ def _chain(links, model, trace, belief, fusions, axes):
             v = 0.0
             if not (xx == np.inf and yy == np.inf):  # else the sender knows nothing
                 q = ux * (ux * xx + uy * xy) + uy * (ux * xy + uy * yy)
-                if not (_definite(xx, xy, yy) and q + R > 0.0):
+                definite = np.isfinite(xx) and yy > 0.0 and np.isfinite(yy) and xx - xy / yy * xy > PIVOT * xx
+                if not (definite and q + R > 0.0):  # by more than rounding
                     return False
                 v = weight_root(*weight_equation(P[r, 0, 0], P[r, 0, 1], P[r, 1, 1], ux, uy, q, R, trace))
             if v > 0.0:

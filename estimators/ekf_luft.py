@@ -19,7 +19,7 @@ import numpy as np
 
 from cooploc.estimators import kalman
 from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses, Traffic, World
-from cooploc.estimators.joint_kernels import LIMIT, meet
+from cooploc.estimators.joint_kernels import meet, possible
 
 
 class State(NamedTuple):
@@ -66,36 +66,33 @@ class EkfLuft(kalman.TeamParameters):
             asked = np.asarray(~np.isnan(reading).any(-1))
             answered = asked & air.heard[:, j, i]
             heard = np.where((answered & air.heard[:, i, j])[:, None], reading, np.nan)
-            used = self._meet(s, i, j, *kalman.linearise(sensor, s.x[:, i], s.x[:, j], heard), sensor.R)
+            y, H_i, H_j = kalman.linearise(sensor, s.x[:, i], s.x[:, j], heard)
+            linear = y.copy(), np.concatenate([H_i, H_j], -1), np.ascontiguousarray(sensor.R)
+            update = update_pair if self.engine == "filterpy" else meet
+            used = np.asarray(update(s.x, s.P, s.sigma, i, j, linear, self.gate))
             kalman.count(sent, i, asked, 0)
             kalman.count(sent, j, answered, belief + d * d)
             kalman.count(sent, i, used, belief)
         return s, sent
 
-    def _meet(self, s: State, i: int, j: int, y: Array, H_i: Array, H_j: Array, R: Array) -> Mask:
-        """Update robots i and j in place by i's reading of j; return which trials used it (t,)."""
-        if self.engine == "filterpy":
-            return update_pair(s, i, j, y, H_i, H_j, R, self.gate, kalman.ENGINES["filterpy"].update)
-        reading = tuple(map(np.ascontiguousarray, (y, np.concatenate([H_i, H_j], -1), R)))
-        return np.asarray(meet(s.x, s.P, s.sigma, i, j, reading, self.gate))
-
 
 def update_pair(
-    s: State, i: int, j: int, y: Array, H_i: Array, H_j: Array, R: Array, gate: float, update: kalman.Update
+    x: Array, P: Array, sigma: Array, i: int, j: int, reading: tuple[Array, Array, Array], gate: float
 ) -> Mask:
     """Joint update of (x_i, x_j); sigma_ij' = P_ij', sigma_ji' = I; else sigma_ik' = P_i' P_i^-1 sigma_ik.
 
-    In place; `meet` is the same in a compiled loop. Return which trials used it (t,).
+    In place, by filterpy's filter; `meet` is the same in a compiled loop. Return which trials used it (t,).
     """
-    d = s.x.shape[-1]
-    P_ij = _possible(s.P[:, i], s.P[:, j], s.sigma[:, i, j] @ s.sigma[:, j, i].mT)
-    P = np.block([[s.P[:, i], P_ij], [P_ij.mT, s.P[:, j]]])
-    pair, P1 = update(np.concatenate([s.x[:, i], s.x[:, j]], -1), P, y, np.concatenate([H_i, H_j], -1), R, gate)
-    used = np.asarray((P1 != P).any((1, 2)))
+    d = x.shape[-1]
+    parts = P[:, i].copy(), P[:, j].copy(), sigma[:, i, j] @ sigma[:, j, i].mT
+    P_ij = np.stack([possible(*trial) for trial in zip(*parts, strict=True)])
+    before = np.block([[P[:, i], P_ij], [P_ij.mT, P[:, j]]])
+    pair, after = kalman.ENGINES["filterpy"].update(np.concatenate([x[:, i], x[:, j]], -1), before, *reading, gate)
+    used = np.asarray((after != before).any((1, 2)))
     for robot, at in ((i, slice(0, d)), (j, slice(d, None))):
-        s.sigma[:, robot] = _carry_factors(s.P[:, robot], P1[:, at, at])[:, None] @ s.sigma[:, robot]
-        s.x[:, robot], s.P[:, robot] = pair[:, at], P1[:, at, at]
-    s.sigma[used, i, j], s.sigma[used, j, i] = P1[used, :d, d:], np.eye(d)
+        sigma[:, robot] = _carry_factors(P[:, robot], after[:, at, at])[:, None] @ sigma[:, robot]
+        x[:, robot], P[:, robot] = pair[:, at], after[:, at, at]
+    sigma[used, i, j], sigma[used, j, i] = after[used, :d, d:], np.eye(d)
     return used
 
 
@@ -103,12 +100,3 @@ def _carry_factors(P: Array, P1: Array) -> Array:
     """Return P' P^-1, the identity where nothing changed."""
     same = np.asarray((P == P1).all((-2, -1)))
     return np.where(same[..., None, None], np.eye(P.shape[-1]), np.linalg.solve(P, P1).mT)
-
-
-def _possible(A: Array, B: Array, C: Array) -> Array:
-    """Return the cross term C (t, d, d) of covariances A and B, its canonical correlations cut to `LIMIT`."""
-    a, b = np.linalg.cholesky(A), np.linalg.cholesky(B)
-    u, correlation, v = np.linalg.svd(np.linalg.solve(a, np.linalg.solve(b, C.mT).mT))
-    cut = a @ (u * np.minimum(correlation, LIMIT)[..., None, :]) @ v @ b.mT
-    beyond = np.asarray((correlation > LIMIT).any(-1))
-    return np.where(beyond[..., None, None], cut, C)

@@ -91,7 +91,7 @@ class Motion(Protocol):
 
 
 class Sensor(Protocol):
-    """A sensor model: x (..., d), a place q (..., 2), a reading z (..., k); `expect(x, q)` is the mean reading."""
+    """A sensor model: x (..., d), a place q (..., 2), a reading z (..., k)."""
 
     @property
     def R(self) -> Array:

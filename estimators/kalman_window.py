@@ -51,13 +51,8 @@ def empty(prior: Belief, world: World) -> Window:
 def append_tick(s: Window, z: Senses) -> Window:
     """Add a new state x' = f(x, u) at the end, and what was sensed there."""
     newest, _, _ = s.world.motion.move(s.last, z.odometry, z.dt)
-    z = s.z._replace(**{name: _append(getattr(s.z, name), getattr(z, name)) for name in READINGS})
-    return s._replace(x=_append(s.x, newest), z=z)
-
-
-def add_mail(s: Window, air: Mail) -> Window:
-    """Add what was heard at the newest state."""
-    return s._replace(air=Mail(*map(_append, s.air, air)))
+    z = s.z._replace(**{name: append(getattr(s.z, name), getattr(z, name)) for name in READINGS})
+    return s._replace(x=append(s.x, newest), z=z)
 
 
 def drop_oldest(s: Window, oldest: Belief) -> Window:
@@ -209,7 +204,7 @@ def _average_directions(air: Mail) -> Mail:
     return air._replace(rssi=np.where(np.triu(np.ones((n, n), bool), 1), mean, np.nan))
 
 
-def _append(window: Any, newest: Any) -> Any:
+def append(window: Any, newest: Any) -> Any:
     """Return a window (t, l, ...) with one more entry at its end; an empty one takes the entry's shape."""
     return np.concatenate([window, newest[:, None]], 1) if window.shape[1] else newest[:, None].copy()
 

@@ -71,11 +71,6 @@ class WideSensor:
     def R(self) -> Array:
         return self.sensor.R
 
-    def expect(self, x: Array, q: Array) -> Array:
-        """Return the mean reading (..., k)."""
-        mean: Array = self.sensor.expect(x[..., self.layout.pose], q)  # type: ignore[attr-defined]
-        return mean
-
     def innovation(self, x: Array, q: Array, z: Array) -> tuple[Array, Array, Array]:
         y, H, Hq = self.sensor.innovation(x[..., self.layout.pose], q, z)
         return y, self.layout.widen(H), Hq

@@ -63,7 +63,7 @@ class MapJoint:
 
     def exchange(self, s: Window, z: Senses, air: Mail) -> tuple[Window, Traffic]:
         """Repeat Gauss-Newton over the window, by readings of fixed things too. Then the oldest state may leave."""
-        s = window.add_mail(s, air)
+        s = s._replace(air=Mail(*map(window.append, s.air, air)))
         best, filtered = _optimise(s, self.iterations)
         if s.young:
             best, filtered = _more_probable((best, filtered), _optimise(window.second_start(s), self.iterations))

@@ -15,7 +15,7 @@ from cooploc.estimators.compiled import exp, inlined, kernel, ln, readable, row_
 from cooploc.estimators.interface import Array, Mask, Sensor
 from cooploc.estimators.models import NEAR, TOO_NEAR_TO_RANGE, LogDistance, Range
 from cooploc.estimators.particle_kernels import load_row, row_of
-from cooploc.estimators.particle_likelihood import ReceivedPackets, log_density, planes
+from cooploc.estimators.particle_likelihood import ReceivedPackets, fill_rows, log_density
 from cooploc.estimators.particles import summary, weights
 
 LEAST = -1e300  # below any logarithm of a density
@@ -126,10 +126,7 @@ def weigh(sensor: Sensor, sent: Mixture, z: Array, x: Array, logw: Array) -> Arr
     """
     if type(sensor) not in (LogDistance, Range):
         return weigh_reference(sensor, sent, z, x, logw)
-    out = np.empty_like(logw, order="C")
-    heard = ReceivedPackets(sensor, sent.pack(), z[..., 0], True).for_loop()
-    add_mixture_rows(planes(x), x.shape[-1], readable(logw), heard, out)
-    return out
+    return fill_rows(add_mixture_rows, x, logw, ReceivedPackets(sensor, sent.pack(), z[..., 0], True).for_loop())
 
 
 def weigh_reference(sensor: Sensor, sent: Mixture, z: Array, x: Array, logw: Array) -> Array:

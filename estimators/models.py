@@ -86,13 +86,9 @@ class LogDistance:
         far, clamped, fall = d2 > NEAR**2, np.maximum(d2, NEAR**2), -10 * self.eta / np.log(10)
         return np.stack([np.where(far, fall * away / clamped, 0.0) for away in (east, north)], -1)
 
-    def expect(self, x: Array, q: Array) -> Array:
-        """Return the mean reading (..., 1) [dBm]."""
-        return self.level(x, q)[..., None]
-
     def innovation(self, x: Array, q: Array, z: Array) -> tuple[Array, Array, Array]:
         g = self.slope(x, q)
-        return z - self.expect(x, q), _widen(g[..., None, :], x), -g[..., None, :]
+        return z - self.level(x, q)[..., None], _widen(g[..., None, :], x), -g[..., None, :]
 
 
 @dataclass(frozen=True)
@@ -104,10 +100,6 @@ class Range:
     @property
     def R(self) -> Array:
         return np.array([[self.sigma**2]])
-
-    def expect(self, x: Array, q: Array) -> Array:
-        """Return the distance (..., 1) [m]."""
-        return _offset(x, q)[1]
 
     def innovation(self, x: Array, q: Array, z: Array) -> tuple[Array, Array, Array]:
         delta, d = _offset(x, q)
@@ -138,10 +130,6 @@ class Bearing:
     def R(self) -> Array:
         return np.array([[self.sigma**2]])
 
-    def expect(self, x: Array, q: Array) -> Array:
-        """Return the direction (..., 1) in (-pi, pi] [rad]."""
-        return wrap(self._direction(x, _offset(x, q)[0]))
-
     def innovation(self, x: Array, q: Array, z: Array) -> tuple[Array, Array, Array]:
         delta, d = _offset(x, q)
         y = wrap(z - self._direction(x, delta))
@@ -168,10 +156,6 @@ class Sighting:
     def R(self) -> Array:
         return np.array([[self.sigma_range**2, 0.0], [0.0, self.sigma_bearing**2]])
 
-    def expect(self, x: Array, q: Array) -> Array:
-        """Return distance [m] and direction in (-pi, pi] [rad], (..., 2)."""
-        return np.concatenate([Range().expect(x, q), Bearing().expect(x, q)], -1)
-
     def innovation(self, x: Array, q: Array, z: Array) -> tuple[Array, Array, Array]:
         y0, H0, Hq0 = Range().innovation(x, q, z[..., :1])
         y1, H1, Hq1 = Bearing().innovation(x, q, z[..., 1:])
@@ -187,10 +171,6 @@ class Orientation:
     @property
     def R(self) -> Array:
         return np.array([[self.sigma**2]])
-
-    def expect(self, x: Array, q: Array) -> Array:
-        """The heading (..., 1) in (-pi, pi] [rad] of a thing that faces along the x axis, relative to the own."""
-        return wrap(-x[..., 2:3])
 
     def innovation(self, x: Array, q: Array, z: Array) -> tuple[Array, Array, Array]:
         """y = wrap(z + heading) of a thing that faces along the x axis; `q` is not used."""

@@ -4,7 +4,7 @@ The sensors of models.py have compiled loops; the numpy forms, `*_reference`, se
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -44,9 +44,7 @@ def anchors(fixed: Sequence[Fixed], x: Array, logw: Array) -> Array:
     readings = anchor_readings(fixed, len(x))
     if readings is None:
         return anchors_reference(fixed, x, logw)
-    out = np.empty_like(logw, order="C")
-    add_anchor_rows(planes(x), x.shape[-1], readable(logw), readings, out)
-    return out
+    return fill_rows(add_anchor_rows, x, logw, readings)
 
 
 def anchor_readings(fixed: Sequence[Fixed], rows: int) -> tuple[Array, Array, float, float, float] | None:
@@ -105,9 +103,7 @@ def teammates(heard: ReceivedPackets, x: Array, logw: Array) -> Array:
     """
     if not heard.has_loop:
         return teammates_reference(heard, x, logw)
-    out = np.empty_like(logw, order="C")
-    add_teammate_rows(planes(x), x.shape[-1], readable(logw), heard.for_loop(), out)
-    return out
+    return fill_rows(add_teammate_rows, x, logw, heard.for_loop())
 
 
 def teammates_reference(heard: ReceivedPackets, x: Array, logw: Array) -> Array:
@@ -140,11 +136,9 @@ def window(
             there = motion.place(x, trail[:, None, k])
             logw = window(doa, Displacement(), there, logw, angles[:, k : k + 1], still, form, power)
         return logw
-    out = np.empty_like(logw, order="C")
     corner, sides = np.array(doa.corner), np.array(doa.sides)
     directions = readable(angles), readable(trail), corner, sides, -0.5 * power / doa.sigma**2
-    add_window_rows(planes(x), x.shape[-1], readable(logw), directions, FORMS[form], out)
-    return out
+    return fill_rows(add_window_rows, x, logw, directions, FORMS[form])
 
 
 def window_reference(
@@ -191,10 +185,15 @@ def gradient(doa: GradientDoa, x: Array, logw: Array, g: Array) -> Array:
     if type(doa.rssi) is not LogDistance:
         absent = np.isnan(g).any(-1, keepdims=True)
         return logw + np.where(absent, 0.0, doa.log_gradient(x, g[:, None, :]))
-    out = np.empty_like(logw, order="C")
     slope, sigma = _slope(doa.rssi), float(doa.rssi.sigma)
     gradients = readable(g), np.array(doa.corner), np.array(doa.sides), slope, sigma
-    add_gradient_rows(planes(x), x.shape[-1], readable(logw), gradients, out)
+    return fill_rows(add_gradient_rows, x, logw, gradients)
+
+
+def fill_rows(kernel: Any, x: Array, logw: Array, *told: Any) -> Array:
+    """Return the log-weights (r, N) that a loop makes of `logw` at particles x (r, N, d)."""
+    out = np.empty_like(logw, order="C")
+    kernel(planes(x), x.shape[-1], readable(logw), *told, out)
     return out
 
 

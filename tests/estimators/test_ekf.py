@@ -58,13 +58,6 @@ def test_luft_is_exact_for_two_robots_without_private_readings():
     assert_dense(trace("luft", make("ekf-luft", gate=np.inf), stream), stream)
 
 
-@pytest.mark.parametrize("anchor_reading", ["doa", "rssi"])
-def test_joint_filter_of_one_robot_is_the_local_filter_in_the_papers_world(anchor_reading):
-    _, stream = simulate("robots-1-3/n=1", trials=5, ticks=50)
-    made = {name: make(name, anchor_reading=anchor_reading) for name in ("ekf-local", "ekf-joint")}
-    assert_near(*run(made, stream).traces.values(), atol=1e-12)
-
-
 @pytest.mark.parametrize(("name", "relative"), [("ekf-local", False), ("ekf-joint", True)])
 def test_nees_lies_in_the_chi_square_band_when_every_model_is_true_and_linear(name, relative):
     trials, ticks, d = 400, 20, 2
@@ -232,6 +225,7 @@ def test_literal_split_ci_of_independent_priors_is_the_naive_filter():
         f"{PLAIN[:-1]},anchor_reading=doa-constant,gate=1.0]",
         "ekf-joint",
         "ekf-joint[anchor_reading=rssi]",
+        "ekf-joint[anchor_reading=gradient]",
         "ekf-joint[iterations=1,second_order=false,gate=1.0]",
         "ekf-naive",
         "ekf-ci",
@@ -245,6 +239,7 @@ def test_literal_split_ci_of_independent_priors_is_the_naive_filter():
         "ekf-luft",
         "ekf-interim",
         "ukf-joint",
+        "ukf-joint[anchor_reading=doa-constant]",
     ],
 )
 def test_batched_is_filterpy(label, robots):

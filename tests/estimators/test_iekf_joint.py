@@ -111,29 +111,6 @@ def test_with_a_compass_it_is_the_plain_joint_ekf():
     np.testing.assert_allclose(traces["iekf-joint"].P, traces[PLAIN].P, atol=1e-9)
 
 
-@pytest.mark.parametrize("engine", ["batched", "filterpy"])
-def test_a_world_that_is_shifted_and_turned_shifts_and_turns_the_estimate(engine):
-    _, stream = cl.simulate("camera/n=3[ticks=60]", trials=2, seed=4)
-    angle, shift = 0.7, np.array([30.0, -12.0])
-    c, s = np.cos(angle), np.sin(angle)
-    turn = np.array([[c, -s], [s, c]])
-    pose = np.eye(3)
-    pose[:2, :2] = turn
-
-    def placed(x):
-        return np.concatenate([x[..., :2] @ turn.T + shift, x[..., 2:] + angle], -1)
-
-    prior = type(stream.prior)(placed(stream.prior.x), pose @ stream.prior.P @ pose.T)
-    world = replace(stream.world, landmarks=stream.world.landmarks @ turn.T + shift)
-    made = {"iekf": cl.make("iekf-joint", engine=engine)}
-    a = cl.run(made, stream).traces["iekf"]
-    b = cl.run(made, replace(stream, prior=prior, world=world)).traces["iekf"]
-    off = b.x - placed(a.x)
-    np.testing.assert_allclose(off[..., :2], 0, atol=1e-9)
-    np.testing.assert_allclose(np.exp(1j * off[..., 2]), 1, atol=1e-9)
-    np.testing.assert_allclose(b.P, pose @ a.P @ pose.T, atol=1e-9)
-
-
 def test_without_landmarks_a_team_learns_nothing_of_its_common_heading_but_the_ekf_believes_it_does():
     """Exact odometry: what is known of a motion of the whole team must stay what the prior said."""
     _, stream = cl.simulate("camera/n=3[ticks=100,prior_heading=0.3]", trials=3, seed=4)

@@ -46,24 +46,6 @@ def test_normals_have_the_distribution_they_claim():
     assert abs(np.corrcoef(z.T**2)[0, 1]) < 4 / np.sqrt(n)
 
 
-def test_what_should_be_independent_is():
-    n = 100_000
-    key = np.concatenate([KEY, KEY + np.uint32([0, 1]), KEY + np.uint32([1, 0])])
-    base = random_numbers.normals(key, 5, random_numbers.MOVE, n)
-    limit = 4.5 / np.sqrt(n)
-    others = {
-        "the next key, second word": base[1],
-        "the next key, first word": base[2],
-        "the next tick": random_numbers.normals(key, 6, random_numbers.MOVE, n)[0],
-        "another purpose": random_numbers.normals(key, 5, random_numbers.JITTER, n)[0],
-        "the next particle": np.roll(base[0], 1, 0),
-        "the other axis": base[0][:, ::-1],
-    }
-    for what, other in others.items():
-        for change in (lambda z: z, np.abs, np.sign):
-            assert abs(np.corrcoef(change(base[0])[:, 0], change(other)[:, 0])[0, 1]) < limit, what
-
-
 @pytest.mark.parametrize("draw", [random_numbers.normals, random_numbers.uniforms])
 def test_bits_do_not_depend_on_the_rows_or_particles_beside(draw):
     key = np.random.default_rng(0).integers(0, 2**32, (9, 2), np.uint32)

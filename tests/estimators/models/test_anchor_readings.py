@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from oracles import slope
 
-from cooploc.estimators import make
 from cooploc.estimators.models import (
     NOWHERE,
     GradientDoa,
@@ -15,7 +14,6 @@ from cooploc.estimators.models import (
     gradient_doa,
 )
 from cooploc.scenarios import simulate
-from cooploc.scenarios.runner.run import run
 
 SQUARE = GradientDoa(LogDistance(-40.0, 3.0, 5**0.5), (0.0, 0.0), (6.0, 6.0))
 OBLONG = GradientDoa(LogDistance(-40.0, 2.0, 3.0), (10.0, -4.0), (8.0, 3.0))
@@ -94,15 +92,3 @@ def test_what_is_made_of_the_anchors_is_what_was_asked_for():
     nothing = z._replace(anchor_rssi=np.full_like(z.anchor_rssi, np.nan))
     assert not list(fixed_readings(stream.world, z, "none"))
     assert not [reading for r in made for reading in fixed_readings(stream.world, nothing, r)]
-
-
-@pytest.mark.parametrize("anchor_reading", ["doa", "doa-constant", "gradient"])
-@pytest.mark.parametrize(
-    "name", ["ekf-local", "ekf-joint", "ekf-joint[update=sequential]", "ekf-ci", "ekf-luft", "ukf-joint"]
-)
-def test_every_reading_is_filterpys(name, anchor_reading):
-    _, stream = simulate("packet-drop/drop=0.3", trials=2, seed=3, ticks=12, robots=2)
-    made = {e: make(name, anchor_reading=anchor_reading, engine=e) for e in ("batched", "filterpy")}
-    traces = run(made, stream).traces
-    np.testing.assert_allclose(traces["batched"].x, traces["filterpy"].x, atol=1e-9)
-    np.testing.assert_allclose(traces["batched"].P, traces["filterpy"].P, atol=1e-9)

@@ -50,7 +50,8 @@ def test_eight_links_at_once_neither_overflow_nor_vanish(sensor, variance, side)
     q, z = rng.uniform(0, 30, (2, 19, 2)), np.zeros((2, 19))
     q[:, 0] = x[:, 0]  # within the clamp
     for j in range(19):
-        z[:, j] = sensor.expect(x.mean(1), q[:, j])[:, 0] + rng.normal(0, np.sqrt(sensor.R[0, 0]), 2)
+        expected = 1 - sensor.innovation(x.mean(1), q[:, j], np.ones((2, 1)))[0][:, 0]
+        z[:, j] = expected + rng.normal(0, np.sqrt(sensor.R[0, 0]), 2)
     heard = ReceivedPackets(sensor, np.concatenate([q, np.tile([variance, 0, variance], (2, 19, 1))], -1), z, True)
     one, two = (particle_likelihood.teammates(heard, x.astype(t), logw.astype(t)) for t in (np.float64, np.float32))
     one, two = (each - each[:, :1] for each in (one, two.astype(float)))
