@@ -110,6 +110,7 @@ class KalmanParameters:
     """The parameters of a robot's own EKF; a filter adds those of its method."""
 
     api: ClassVar[int] = 1
+    bound: ClassVar[bool] = False
     anchor_reading: AnchorReading = "doa"
     gate: float = tunable(GATE, 2.0, 1000.0, log=True)
     inflation: float = tunable(1.0, 0.5, 5.0, log=True)
