@@ -117,7 +117,6 @@ def _collect(bag: Bag, wanted: Collection[str] | None) -> Content:
 
 # ---- Topics as series of numbers
 
-SILENCE = 5.0  # mean intervals between messages, and more of them than this are a gap
 MAX_STAMP_ERROR = 60.0  # [s] a header's stamp further from the time of receipt was not set by a clock of this run
 
 
@@ -130,7 +129,6 @@ class TopicInfo(NamedTuple):
     first: float  # [s] since the epoch; nan where there is no message
     last: float
     rate: float  # [1/s] mean; nan with fewer than two messages
-    gaps: tuple[tuple[float, float], ...]  # begin and length [s] of each silence of more than `SILENCE` intervals
     columns: tuple[str, ...]  # what `read_topics` gives; empty for a type that is not read
 
 
@@ -152,10 +150,8 @@ def topics(path: Path) -> tuple[list[TopicInfo], tuple[str, ...]]:
         time = np.sort(topic.received) / 1e9
         first, last = (float(time[0]), float(time[-1])) if len(time) else (np.nan, np.nan)
         rate = (len(time) - 1) / (last - first) if last > first else np.nan
-        silent = np.flatnonzero(np.diff(time) * rate > SILENCE)
-        gaps = tuple((float(time[i]), float(time[i + 1] - time[i])) for i in silent)
         columns = KINDS[topic.type].columns if topic.type in KINDS else ()
-        found.append(TopicInfo(name, topic.type, len(time), first, last, rate, gaps, columns))
+        found.append(TopicInfo(name, topic.type, len(time), first, last, rate, columns))
     return found, content.warnings
 
 

@@ -87,6 +87,8 @@ def checked(read, *arguments):
 def read(kind, folder):
     if kind == "pyfg":
         return checked(pyfg.read_run, folder / "graph.pyfg", "graph", None)
+    if kind == "team":
+        checked(lambda: cl.inspect(folder, again=True))
     return checked(lambda: cl.simulate("mrclam/all" if kind == "mrclam" else "log/all", data=folder))
 
 

@@ -56,8 +56,7 @@ def bag_draft(path: Path) -> Draft:
     used |= dict.fromkeys(ranges.values(), "range")
     columns, unused = [], []
     for t in found:
-        form, gaps = t.type.rpartition("/")[2], f", {len(t.gaps)} gaps" if t.gaps else ""
-        rate = f"{t.messages} messages, {t.rate:.3g} Hz, {t.last - t.first:.3g} s{gaps}"
+        form, rate = t.type.rpartition("/")[2], f"{t.messages} messages, {t.rate:.3g} Hz, {t.last - t.first:.3g} s"
         columns.append((t.name, form, used.get(t.name, "not used"), rate))
         if t.name not in used:
             unused.append(f"{t.name} ({form}, {t.messages})")

@@ -33,10 +33,9 @@ from cooploc.scenarios.recordings.inspect.motion import (
     robot_motion,
     robust_sd,
     robust_slope,
-    take_rows,
     true_turns,
 )
-from cooploc.scenarios.recordings.team_log import Channel, ReadingSeries, Series, TeamLog, other_names
+from cooploc.scenarios.recordings.team_log import ReadingSeries, Series, TeamLog, other_names
 
 Values = TypeVar("Values", Series, ReadingSeries)
 
@@ -108,8 +107,8 @@ def check_recording(log: TeamLog) -> CheckedLog:
     check_robots(check_stale, check_jumps)
     check_range_units(c)
     check_robots(check_compass_frame if log.odometry_kind == "displacement" else check_frame)
-    for check in (check_reading_clocks, check_biases, check_bearings):
-        check(c)
+    check_biases(c)
+    check_bearings(c)
     return c
 
 
@@ -532,42 +531,6 @@ def check_range_units(c: CheckedLog) -> None:
             fact, setting = f"ranges are {ratio:.3g} times the distances", f'unit = "{unit[1]}"'
             c.add("unit", None, readings.source, fact, "sure", setting, TABLES[channel], ("range",))
             c.correct(channel, None, divide_columns(readings, unit[2], (0,)))
-
-
-def check_reading_clocks(c: CheckedLog) -> None:
-    """Find ranges that fit the distances of some seconds earlier or later."""
-    for channel, readings in range_channels(c.log):
-        shift, with_it, without = _best_shift(c.log, channel, readings)
-        gaps = np.diff(np.unique(readings.time))
-        interval = float(np.median(gaps)) if len(gaps) else 0.0
-        # A third less spread; of few readings more, as a spread of n errs by about 1/sqrt(n), and many are tried.
-        less = min(2 / 3, np.exp(-4 / np.sqrt(len(readings.time))))
-        if abs(shift) > max(0.1, 1.5 * interval) and with_it < less * without:
-            fact = f"ranges fit the distances of {abs(shift):.3g} s {'later' if shift > 0 else 'earlier'} (spread "
-            fact += f"{with_it:.3g} m, {without:.3g} m as stamped)"
-            sure = "sure" if with_it < 0.4 * without else "likely"
-            c.add("clock", None, readings.source, fact, sure, f"clock_offset = {shift:.3g}", TABLES[channel])
-            c.correct(channel, None, readings._replace(time=readings.time + shift))
-
-
-def _best_shift(log: TeamLog, channel: Channel, readings: ReadingSeries) -> tuple[float, float, float]:
-    """Return the shift [s] of the stamps at which ranges fit distances best, the spread [m] there, and without it."""
-    few = take_rows(readings, slice(None, None, max(1, len(readings.time) // 2000)))
-    groups = [rows for _, _, rows in pairs(few, channel) if len(rows) >= 10]
-    if not groups:
-        return 0.0, np.nan, np.nan
-
-    def misfit(shift: float) -> float:
-        residual = few.values[:, 0] - distances(log, channel, few, shift)
-        centred = np.concatenate([residual[rows] - quantile(residual[rows], 0.5) for rows in groups])
-        return robust_sd(centred) if np.isfinite(centred).sum() >= FEWEST else np.inf
-
-    span = float(readings.time[-1] - readings.time[0])
-    reach, step = min(30.0, span / 4), max(0.05, min(1.0, span / 400))
-    best = min(step * np.arange(-int(reach / step), int(reach / step) + 1), key=misfit)
-    fine = best + step * np.linspace(-1, 1, 11)
-    misfits = [misfit(s) for s in fine]
-    return float(fine[int(np.argmin(misfits))]), min(misfits), misfit(0.0)
 
 
 def check_biases(c: CheckedLog) -> None:

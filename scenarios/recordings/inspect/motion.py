@@ -211,9 +211,9 @@ FEWEST = 20  # readings of a channel or pair
 NEAREST = 0.05  # [m] readings of things nearer than this are left out: no direction, and a ratio means nothing
 
 
-def distances(log: TeamLog, channel: Channel, readings: ReadingSeries, shift: float = 0.0) -> Array:
-    """Return the true distance (m,) [m] to what was measured, `shift` seconds later; nan where it is not known."""
-    here, there = ends(log, channel, readings._replace(time=readings.time + shift))
+def distances(log: TeamLog, channel: Channel, readings: ReadingSeries) -> Array:
+    """Return the true distance (m,) [m] to what was measured; nan where it is not known."""
+    here, there = ends(log, channel, readings)
     distance = np.hypot(*(there - here[:, :2]).T)
     return np.where(distance > NEAREST, distance, np.nan)
 
@@ -251,8 +251,3 @@ def pairs(readings: ReadingSeries, channel: Channel) -> Iterator[tuple[int, int,
         first, second = np.minimum(first, second), np.maximum(first, second)
     for i, k in np.unique(np.stack([first, second]), axis=1).T:
         yield int(i), int(k), np.flatnonzero((first == i) & (second == k))
-
-
-def take_rows(readings: ReadingSeries, rows: Indices | slice) -> ReadingSeries:
-    """Return some of the readings."""
-    return readings._replace(**{name: getattr(readings, name)[rows] for name in ("time", "robot", "other", "values")})

@@ -186,21 +186,6 @@ def test_packets_may_need_a_reading(recorded, tmp_path):
     assert 0 < stream.air.link.sum() < stream.air.link.size / 2
 
 
-@pytest.mark.parametrize(
-    ("change", "label", "said"),
-    [
-        (None, "log/one", "has 0 s to be judged, less than a tick of 0.1 s"),
-        (SHORT, "log/tow", "there is no run 'tow'; did you mean 'two'"),
-        (SHORT, "log/one[tick=0]", "tick"),
-        (SHORT, "log/one[bias=some]", "bias"),
-    ],
-)
-def test_what_cannot_be_is_one_line(recorded, tmp_path, change, label, said):
-    with pytest.raises(BadInput, match=said) as caught:
-        cl.simulate(label, data=lab(recorded, tmp_path, *([change] if change else [])))
-    assert "\n" not in str(caught.value)
-
-
 def test_without_a_true_heading_it_must_be_said_what_robots_know(recorded, tmp_path):
     unknown = ('heading = "yaw"\n', "")
     with pytest.raises(BadInput, match='has no true heading where the prior is taken; choose heading = "first motion"'):
