@@ -28,7 +28,6 @@ from cooploc.estimators import nearest
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array
 
-MARGIN = 0.05  # two estimators whose RMSE differ by less than this share tie
 FAR = 5.0  # times the median trial's RMSE
 
 
@@ -164,9 +163,7 @@ SHORT = (
 )
 
 
-def compare(
-    errors: pd.DataFrame, baseline: str | Mapping[str, str], margin: float = MARGIN, full: bool = False
-) -> pd.DataFrame:
+def compare(errors: pd.DataFrame, baseline: str | Mapping[str, str], full: bool = False) -> pd.DataFrame:
     """Compare every estimator with a baseline, trial by trial on the same streams; one row per (scenario, estimator).
 
     A change or difference is negative where the estimator's error is smaller than the baseline's. The table has those
@@ -190,13 +187,12 @@ def compare(
         decisive_trial: the number of the trial that alone decides `change`, see `statistics.decisive_trial`; nan: none
         p: p against equal RMSE, not adjusted; 1 where the one that looks better failed in a trial
         effect: matched-pairs rank-biserial correlation in [-1, 1]: in how many trials errors are smaller (negative)
-        p_equal: p of the equivalence test on the RMSE; small where the two tie within `margin`; 1 where one failed
+        p_equal: p of the equivalence test on the RMSE; small where the two tie within 5 %; 1 where one failed
         p_equal_holm: p_equal, adjusted by Holm
 
     Args:
         errors: from `errors`, or the rows of a run directory.
         baseline: an estimator's label, or one for each scenario's label.
-        margin: the share of RMSE by which two estimators may differ and still tie.
         full: all columns instead of those that are read most.
 
     Raises:
@@ -212,8 +208,6 @@ def compare(
             raise BadInput(f"baseline names none for scenario {scenario!r}: add it")
         if (name := against[scenario]) not in known:
             raise BadInput(f"there is no estimator {name!r} to compare with; {nearest(str(name), known)}")
-    if not margin > 0:
-        raise BadInput(f"margin is {margin}; it must lie above 0, such as {MARGIN}")
     demand_same_streams(errors)
     cells = trial_means(errors)
     table = _summary(errors, cells)
@@ -224,7 +218,7 @@ def compare(
         table[standing] = groups[standing].any().to_numpy()
     table[SENSES] = groups[SENSES].first().fillna("").to_numpy()
     failed = dict(zip(zip(table["scenario"], table["estimator"], strict=True), table["failed"] > 0, strict=True))
-    pairs = pd.DataFrame([_against(cells, failed, cell, against[cell[0]], margin) for cell in failed])
+    pairs = pd.DataFrame([_against(cells, failed, cell, against[cell[0]]) for cell in failed])
     for test in ("p", "p_equal"):
         pairs[f"{test}_holm"] = statistics.holm(pairs[test].to_numpy())
     last = ["stream", "certificate"]
@@ -245,7 +239,6 @@ def _against(
     failed: dict[tuple[str, str], bool],
     cell: tuple[str, str],
     baseline: str,
-    margin: float,
 ) -> dict[str, object]:
     """Return the columns that `compare` adds to a row, from the trials that an estimator and its baseline both have."""
     scenario, estimator = cell
@@ -258,7 +251,7 @@ def _against(
     decisive = statistics.decisive_trial(a, b)
     lost = failed.get((scenario, baseline), False), failed[cell]
     p = sequential.FIXED.p_of_difference(a, b) if tested else np.nan
-    p_equal = statistics.equivalence(a, b, margin) if tested else np.nan
+    p_equal = statistics.equivalence(a, b) if tested else np.nan
     return {
         "baseline": baseline,
         "pairs": n,

@@ -26,7 +26,7 @@ from scipy import stats
 
 from cooploc.analysis.metrics import statistics
 from cooploc.analysis.metrics.errors import CELL, trial_means
-from cooploc.analysis.metrics.statistics import HALVES, LEAST_TRIALS, Interval, Z, holm, quantile
+from cooploc.analysis.metrics.statistics import HALVES, LEAST_TRIALS, MARGIN, Interval, Z, holm, quantile
 from cooploc.estimators.interface import Array
 
 C2 = 4.0  # c^2: an effect of half a standard deviation is expected; b is smallest near 70 trials
@@ -79,7 +79,7 @@ class Stopping(NamedTuple):
     p_of_change: Callable[[Array, Array, float], float]  # two-sided, against a true change
     p_above: Callable[[Array, Array, float], float]  # one-sided, against mean b <= factor x mean a
     p_of_mean: Callable[[Interval, int, float], float]  # two-sided, of an interval symmetric about its value
-    equal: Callable[[Array, Array, float], bool]  # whether two RMSE tie within a margin, from squared errors
+    equal: Callable[[Array, Array], bool]  # whether two RMSE tie, from squared errors
 
     def p_of_difference(self, a: Array, b: Array) -> float:
         """Return the two-sided p against equal RMSE; 1 for equals, nan where there is no interval."""
@@ -106,9 +106,9 @@ def _change(a: Array, b: Array) -> Interval:
     return Interval(*(float(np.expm1(end)) for end in _log_change(a, b)))
 
 
-def _is_within(change: Interval, margin: float) -> bool:
-    """Return whether a change of RMSE lies within 1/(1 + margin) .. 1 + margin."""
-    return -margin / (1 + margin) <= change.low and change.high <= margin
+def _is_tie(change: Interval) -> bool:
+    """Return whether a change of RMSE lies within 1/(1 + MARGIN) .. 1 + MARGIN."""
+    return change.low >= -MARGIN / (1 + MARGIN) and change.high <= MARGIN
 
 
 def _p_above(a: Array, b: Array, factor: float) -> float:
@@ -141,7 +141,7 @@ FIXED = Stopping(  # t intervals, on the logarithm for a relative change
     statistics.p_of_change,
     statistics.p_above,
     statistics.p_of_mean,
-    lambda a, b, margin: statistics.equivalence(a, b, margin) < ALPHA,
+    lambda a, b: statistics.equivalence(a, b) < ALPHA,
 )
 ANYTIME = Stopping(  # confidence sequences
     lambda d: statistics.mean(d, boundary),
@@ -151,14 +151,13 @@ ANYTIME = Stopping(  # confidence sequences
     lambda a, b, value: _p_of_mean(_log_change(a, b), len(a), float(np.log1p(value))),
     _p_above,
     _p_of_mean,
-    lambda a, b, margin: _is_within(_change(a, b), margin),
+    lambda a, b: _is_tie(_change(a, b)),
 )
 
 
 # ---- which comparisons of a run are decided, at which look
 
 FIRST = 10  # trials at the first look; each later one doubles them
-TIE_MARGIN = 0.05
 OPEN, FAILED = "open", "failed"
 
 
@@ -188,9 +187,7 @@ class Decision(NamedTuple):
     e: float = np.nan  # e-value against equal RMSE; of equals, 20 is reached in 5 % of runs at most
 
 
-def decide(
-    rows: pd.DataFrame, baselines: Mapping[str, str], most: Mapping[str, int], margin: float = TIE_MARGIN
-) -> list[Decision]:
+def decide(rows: pd.DataFrame, baselines: Mapping[str, str], most: Mapping[str, int]) -> list[Decision]:
     """Return every comparison at the look that decided it, or at the last look for which all its trials are there."""
     ran, cells = rows.groupby(CELL)["trial"].unique(), {}
     for cell, means in trial_means(rows).items():
@@ -202,17 +199,22 @@ def decide(
         base, found = cells[scenario, baselines[scenario]], Decision(scenario, name, baselines[scenario])
         for n in looks(most[scenario]):
             if found.verdict == OPEN and n <= min(len(base), len(mine)):
-                found = _decide_at_look(found._replace(look=n), base[:n], mine[:n], margin)
+                found = _decide_at_look(found._replace(look=n), base[:n], mine[:n])
         out += [found] if name != found.baseline else []
     return out
 
 
-def _decide_at_look(found: Decision, base: Array, mine: Array, margin: float) -> Decision:
+def _decide_at_look(found: Decision, base: Array, mine: Array) -> Decision:
     """Return the decision at a look at squared errors (n,); nan: failed."""
     both = ~np.isnan(base) & ~np.isnan(mine)
     a, b = base[both], mine[both]
     change = _change(a, b)
-    signs = {"better": change.high < 0, "worse": change.low > 0, "tie": _is_within(change, margin), OPEN: True}
+    signs = {
+        "better": change.high < 0,
+        "worse": change.low > 0,
+        "tie": _is_tie(change),
+        OPEN: True,
+    }
     verdict = next(name for name, holds in signs.items() if holds)
     favoured = {"better": (mine,), "worse": (base,), "tie": (base, mine)}.get(verdict, ())
     if any(np.isnan(one).any() for one in favoured):

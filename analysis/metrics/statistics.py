@@ -14,6 +14,7 @@ from cooploc.estimators.interface import Array
 LEAST_TRIALS = 5
 LEVEL = 0.95
 Z = float(stats.norm.ppf((1 + LEVEL) / 2))
+MARGIN = 0.05  # two estimators whose RMSE differ by less than this share tie
 HALVES = np.array([-0.5, 0.5])  # of the logarithms of two mean squared errors: that of the ratio of their RMSE
 Quantile = Callable[[int], float]  # standard errors that an interval over n trials reaches to either side
 
@@ -136,7 +137,7 @@ def rank_biserial(a: Array, b: Array) -> float:
     return float((ranks * np.sign(d)).sum() / ranks.sum()) if len(d) else 0.0
 
 
-def equivalence(a: Array, b: Array, margin: float) -> float:
+def equivalence(a: Array, b: Array, margin: float = MARGIN) -> float:
     """Return p against "the RMSE of b is not within 1/(1 + margin) .. 1 + margin times that of a"; small means a tie.
 
     Of squared errors `a`, `b` (k,), paired: two one-sided tests (Schuirmann 1987), each that of `change`.

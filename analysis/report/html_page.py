@@ -1,4 +1,4 @@
-"""A run's report: one HTML page that needs no network, and beside it its tables and its trials as files."""
+"""A run's report: one HTML page that needs no network, and beside it its tables as files."""
 
 import base64
 import hashlib
@@ -49,13 +49,11 @@ FEW = 4  # scenarios that the first figure of a page draws side by side
 BELOW = "95 %", "remark"  # heads of columns that stand below their left neighbour
 SYMBOLS = dict(zip(style.MARKERS, "✖●■◆▲▼✚★⬟⬢◀▶♦⯃⬣✦✧✶⅄⋏✯✺≻", strict=False))  # of the figures' markers
 FORMS = {"tex": "latex", "md": "markdown", "csv": "csv"}  # ending of a file -> method of `Table`
-LONGEST_TITLE = 130  # characters of a study's description that is the page's title
-TRIALS = "trials"  # folder of a CSV file for each scenario
 FLOOR_PATHS, FLOOR_TRIALS = 16, 8  # over which a floor is taken, in a fifth of the time that one to 0.2 % takes
 
 
 def write(kept: StoredRun, ledger: Ledger, out: Path) -> Path:
-    """Write the page, its tables and its trials into a directory; return the page's path."""
+    """Write the page and its tables into a directory; return the page's path."""
     numbers = numbers_of(kept)
     table = numbers.table
     lowest = floors(table["scenario"], kept.manifest["seed"], FLOORED, FLOOR_PATHS, FLOOR_TRIALS)
@@ -64,14 +62,9 @@ def write(kept: StoredRun, ledger: Ledger, out: Path) -> Path:
     texts: dict[str, str] = {}
     for one in context["tables"]:
         texts |= {f"tables/{one.name}.{ending}": getattr(one, form)() for ending, form in FORMS.items()}
-    trials = rmse_by_trial(numbers.table, numbers.results)
-    for scenario, name in file_names(trials).items():
-        texts[name] = csv_text(trials[scenario].rename_axis("trial").reset_index())
-    about = {"tables": "Tables for LaTeX, Markdown and programs", TRIALS: "RMSE of every trial"}
-    folders = {text: sorted(name for name in texts if name.startswith(folder)) for folder, text in about.items()}
-    texts[PAGE] = render({**context, "folders": folders})
-    for folder in about:
-        (out / folder).mkdir(parents=True, exist_ok=True)
+    texts["tables/trials.csv"] = csv_text(rmse_by_trial(numbers.table, numbers.results))
+    texts[PAGE] = render({**context, "files": sorted(texts)})
+    (out / "tables").mkdir(parents=True, exist_ok=True)
     for name, text in texts.items():
         (out / name).write_text(text, encoding="utf-8")
     return out / PAGE
@@ -93,7 +86,7 @@ def render(context: dict[str, Any]) -> str:
 def content(numbers: Numbers, ledger: Ledger) -> dict[str, Any]:
     """Return everything that the page shows but its files, and `tables`, all of its tables."""
     kept, table, manifest = numbers.kept, numbers.table, numbers.kept.manifest
-    counter = itertools.count(1)
+    study, counter = manifest["study"], itertools.count(1)
     first = first_figure(numbers, counter)
     experiments = [experiment(name, plan, numbers, counter) for name, plan in kept.experiments.items()]
     found = sentences.standings(table, numbers.results)
@@ -104,14 +97,15 @@ def content(numbers: Numbers, ledger: Ledger) -> dict[str, Any]:
     tables += [one for each in experiments for one in (*each["tables"], each["standings"])]
     missing = [f"{s}, {e}: {n} of the planned trials are missing" for (s, e), n in kept.gaps.items()]
     marks = markers(numbers.looks, set(kept.rows.loc[kept.rows["centralised"].eq(True), "estimator"]))
-    ended = dict.fromkeys(table.loc[table["rmse"].notna(), "scenario"])
     names = kept.rows["estimator"].unique()
 
     def some(column: TableColumn) -> bool:
         return any(row[column.keys[0]] for row in consistency.rows)
 
     return {
-        **heading(manifest),
+        "title": study.get("title") or study["name"],
+        "study": study["name"] * bool(study.get("title")),
+        "about": study.get("about", ""),
         "manifest": manifest,
         "lowest": sentences.lowest_errors(found, table),
         "over_confident": sentences.over_confident_estimators(table),
@@ -131,20 +125,10 @@ def content(numbers: Numbers, ledger: Ledger) -> dict[str, Any]:
         "bibtex": page_texts.bibtex(manifest["versions"]["cooploc"], manifest["commit"]),
         "versions": versions,
         "embedded": embed(kept),
-        "wording": Wording(numbers.names, marks, page_texts.anchors_of(names), file_names(ended)),
+        "wording": Wording(numbers.names, marks, page_texts.anchors_of(names)),
         "labels": {what: list(dict.fromkeys(table[what])) for what in ("estimator", "scenario")},
         "tables": [*tables, *scenarios, *[events] * bool(events.rows), versions],
     }
-
-
-def heading(manifest: dict[str, Any]) -> dict[str, str]:
-    """Return the title that the user gave; without one the study's description, or its name where that is long."""
-    study = manifest["study"]
-    name, about = study["name"], study.get("about", "")
-    if study.get("title"):
-        return {"title": study["title"], "study": name, "about": about}
-    short = 0 < len(about) <= LONGEST_TITLE
-    return {"title": about if short else name, "study": name if short else "", "about": "" if short else about}
 
 
 def _versions(manifest: dict[str, Any]) -> Table:
@@ -202,16 +186,11 @@ def experiment(name: str, plan: dict[str, list[str]], numbers: Numbers, counter:
 # ------------------------------------------------------------------------------------------------ trials
 
 
-def rmse_by_trial(table: pd.DataFrame, results: TrialTable) -> dict[str, pd.DataFrame]:
-    """Return of each scenario the RMSE [m]: a row per trial, a column per estimator; nan where the trial failed."""
+def rmse_by_trial(table: pd.DataFrame, results: TrialTable) -> pd.DataFrame:
+    """Return the RMSE [m], a row per scenario and trial, a column per estimator; nan where the trial failed."""
     ended = table[table["rmse"].notna()].groupby("scenario", sort=False)["estimator"]
-    return {str(s): results.errors(str(s), list(names)).pow(0.5).sort_index() for s, names in ended}
-
-
-def file_names(scenarios: Any) -> dict[str, str]:
-    """Return the file of each scenario's trials."""
-    plain = (re.sub(r"[^A-Za-z0-9]+", "-", scenario).strip("-")[:60] for scenario in scenarios)
-    return {s: f"{TRIALS}/{i:03}-{name}.csv" for i, (s, name) in enumerate(zip(scenarios, plain, strict=True), 1)}
+    parts = {str(s): results.errors(str(s), list(names)).pow(0.5).sort_index() for s, names in ended}
+    return pd.concat(parts, names=["scenario", "trial"]).reset_index() if parts else pd.DataFrame()
 
 
 # ------------------------------------------------------------------------------------------------ figures
@@ -276,16 +255,13 @@ class Wording(NamedTuple):
     names: Labels = Labels({}, {})
     marks: Mapping[str, Markup] = {}  # estimator -> its marker
     anchors: Mapping[str, str] = {}  # estimator -> where it is introduced
-    trials: Mapping[str, str] = {}  # scenario -> the address of its trials
 
     def cell(self, column: TableColumn, row: Row) -> Markup:
-        """Return the text of a cell: an estimator with its marker and a link, an RMSE with a link to its trials."""
+        """Return the text of a cell: an estimator with its marker and a link."""
         key, text = column.keys[0], column.text(row)
         if key == "estimator" and text in self.anchors:
             link = Markup('{}<a href="#{}" title="{}">{}</a>')
             return link.format(self.marks.get(text, ""), self.anchors[text], text, self.names.of(text))
-        if key == "rmse" and text and (address := self.trials.get(row["scenario"])):
-            return Markup('<a class="trials" href="{}" title="every trial">{}</a>').format(address, text)
         return Markup("{}").format(text)
 
 

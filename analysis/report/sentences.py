@@ -15,12 +15,11 @@ import pandas as pd
 
 from cooploc.analysis.claims.trial_table import Missing, TrialTable
 from cooploc.analysis.formats import change, count_of, interval, join_words, metres, percent, ratio
-from cooploc.analysis.metrics.compare import MARGIN
 from cooploc.analysis.metrics.consistency import OVER_CONFIDENT
 from cooploc.analysis.metrics.curves import sweep
 from cooploc.analysis.metrics.ranking import disqualifications
 from cooploc.analysis.metrics.sequential import FIXED, Stopping
-from cooploc.analysis.metrics.statistics import LEAST_TRIALS, Interval, mean_of_positive
+from cooploc.analysis.metrics.statistics import LEAST_TRIALS, MARGIN, Interval, mean_of_positive
 
 NAMED = 3  # names in a sentence; of more the first ones, and how many others there are
 FEW = 6  # estimators; a sentence gives the change of each, of more only their range, of twice as many no names
@@ -85,7 +84,7 @@ def _standing(scenario: str, part: pd.DataFrame, results: TrialTable) -> Standin
         first, other = results.mse((scenario, best["estimator"]), (scenario, row["estimator"])).T
         if row is others[0]:
             lead = results.stopping.change(other, first)
-        if results.stopping.equal(first, other, MARGIN):
+        if results.stopping.equal(first, other):
             found["equal"].append(row["estimator"])
         elif not results.stopping.change(first, other).low > 0:
             found["tied"].append(row["estimator"])

@@ -15,7 +15,8 @@ import rates
 from rates import Draw, lognormal, normal
 
 from cooploc.analysis.metrics import sequential, statistics
-from cooploc.analysis.metrics.sequential import TIE_MARGIN, looks
+from cooploc.analysis.metrics.sequential import looks
+from cooploc.analysis.metrics.statistics import MARGIN
 
 REPEATS, MOST, AT_ONCE = 2000, 1000, 250
 LOOKS = looks(MOST)  # those of `cooploc run --until-decided`
@@ -79,7 +80,7 @@ def excluded(found: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
 def tied(found: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
     """Whether the sequences lie within the margin of a tie (repetition, look)."""
     low, high = found
-    return (low >= -np.log1p(TIE_MARGIN)) & (high <= np.log1p(TIE_MARGIN))
+    return (low >= -np.log1p(MARGIN)) & (high <= np.log1p(MARGIN))
 
 
 def different(at: list[int], by_t: bool = False):
@@ -100,7 +101,7 @@ def unlike(rng: np.random.Generator, draw: Draw) -> np.ndarray:
 
 def tie(rng: np.random.Generator, draw: Draw) -> np.ndarray:
     """A tie, where the one is worse by just the margin."""
-    pairs = draw(rng, (AT_ONCE, MOST, 2)) * [1.0, (1 + TIE_MARGIN) ** 2]
+    pairs = draw(rng, (AT_ONCE, MOST, 2)) * [1.0, (1 + MARGIN) ** 2]
     return tied(ends(logs(pairs, HALVES, OFTEN)))
 
 
@@ -125,7 +126,7 @@ ROWS = {
     f"called different, at any of {len(LOOKS)} looks; they are equal": (different(LOOKS), LOOKS),
     "(the same by the 95 % interval for one look)": (different(LOOKS, by_t=True), LOOKS),
     f"difference of RMSE, {len(OFTEN)} looks; they are equal": (difference, OFTEN),
-    f"called a tie within {TIE_MARGIN:.0%}, {len(OFTEN)} looks; it is {TIE_MARGIN:.0%} worse": (tie, OFTEN),
+    f"called a tie within {MARGIN:.0%}, {len(OFTEN)} looks; it is {MARGIN:.0%} worse": (tie, OFTEN),
     f"loses more or less, {len(OFTEN)} looks; it loses as much": (interaction, OFTEN),
     f"called different, {len(LOOKS)} looks; equal RMSE, the other hardly varies": (unlike, LOOKS),
     f"at most 1 m or above, {len(LOOKS)} looks; it is 1 m": (level, LOOKS),
@@ -170,7 +171,7 @@ def power(world: str, effect: float) -> tuple[float, ...]:
         low, high = ends(paths)
         decided.append(np.stack([high < 0, low > 0, tied((low, high))]))
         low, high = ends_of_one_look(paths, LOOKS)
-        fixed.append((high < 0) | (low >= -np.log1p(TIE_MARGIN)) & (high <= np.log1p(TIE_MARGIN)))
+        fixed.append((high < 0) | (low >= -np.log1p(MARGIN)) & (high <= np.log1p(MARGIN)))
     any_, by_t = np.concatenate(decided, 1), np.concatenate(fixed)
     done = any_.any(0)
     first = np.where(done.any(1), done.argmax(1), len(LOOKS) - 1)

@@ -40,7 +40,7 @@ def test_a_tie_is_shown_by_equivalence_and_not_by_a_large_p(rng):
     better_and_worse = rng.permutation(np.linspace(-1, 1, len(BASE)))[:, None]  # as often, by as much: no luck
     near, far = (rows("b", BASE * np.exp(s * better_and_worse)) for s in (0.01, 1.0))
     for other, tie in ((near, True), (far, False)):
-        row = compare(pd.concat([rows("a", BASE), other]), baseline="a", margin=0.05, full=True).iloc[1]
+        row = compare(pd.concat([rows("a", BASE), other]), baseline="a", full=True).iloc[1]
         assert row["p"] > 0.05
         assert (row["p_equal_holm"] < 0.05) == tie
 
@@ -105,7 +105,6 @@ FRAME = rows("a", BASE)
     [
         (("a", FRAME), "errors is of type str; it must be the table that cl.errors returns"),
         ((summarize(FRAME), "a"), "errors has no column 'trial'"),
-        ((FRAME, "a", 0), "margin is 0; it must lie above 0"),
         ((FRAME, {"t": "a"}), "baseline names none for scenario 's': add it"),
         ((pd.concat([FRAME, FRAME]), "a"), "s, a, trial 0 stands there twice"),
         ((FRAME.replace({"stream": {"h5": "h2"}}), "a"), "trials 2, 5 are of one stream; keep one of them"),

@@ -13,7 +13,6 @@ from cooploc import scenarios
 from cooploc.analysis.metrics.compare import compare
 from cooploc.analysis.plot import style
 from cooploc.analysis.report import html_page, page_texts
-from cooploc.analysis.report.html_page import LONGEST_TITLE, heading
 from cooploc.analysis.report.result_tables import failures, meanings, parameter_text, scenario_tables
 from cooploc.analysis.report.run_numbers import numbers_of
 from cooploc.estimators import BUILTIN, make
@@ -39,14 +38,6 @@ def test_parameters_that_scenarios_share_are_said_once_and_others_with_their_val
     assert list(map(parameter_text, values)) == ["∞", "none", "yes", "0, 1; 2, 3", "none"]
     models = {scenarios.family(name).model_class(name) for name in scenarios.BUILTIN}
     assert {field for model in models for field in model.model_fields} - {"data"} <= set(meanings())
-
-
-def test_a_page_is_called_as_the_user_says_else_what_its_study_is_about_or_the_studys_name():
-    about, long = "When do they matter?", "word " * LONGEST_TITLE
-    expected = {("Lost packets", about): ("Lost packets", about), ("", about): (about, ""), ("", long): ("mine", long)}
-    for (title, text), shown in expected.items():
-        found = heading({"study": {"name": "mine", "title": title, "about": text}})
-        assert (found["title"], found["about"]) == shown
 
 
 def test_estimators_are_introduced_once_with_their_configurations_and_no_foreign_code_runs(tmp_path):

@@ -121,7 +121,7 @@ def test_html_is_sorted_by_values_with_groups_markers_and_links_and_everything_i
     rows = [{**row, "scenario": EVIL}, {**row, "scenario": "s", "estimator": long, "remark": f"as {long}"}]
     table = Table("t", "more", columns, rows, {"data-estimator": "estimator"})
     names = short_labels([long], {"raw": "anchor_reading=rssi, particles=500"})
-    wording = Wording(names, {long: Markup("<svg></svg>")}, {long: "estimator-1"}, {"s": "trials/001-s.csv"})
+    wording = Wording(names, {long: Markup("<svg></svg>")}, {long: "estimator-1"})
     assert html(table).count('scope="col"') == 4  # the empty column is left out, interval and remark have none
     assert "checkbox" not in html(Table("t", "", columns[:2], rows))
     source = html(table, wording, group="scenario")
@@ -131,7 +131,6 @@ def test_html_is_sorted_by_values_with_groups_markers_and_links_and_everything_i
         '<th scope="row">a|&lt;b&gt;</th>',
         '<tbody data-scenario="s">',
         f'<svg></svg><a href="#estimator-1" title="{long}">ekf [raw]</a>',
-        '<a class="trials" href="trials/001-s.csv" title="every trial">0.123</a>',
     ):
         assert part in source
     assert source.count("<tbody") == source.count('scope="rowgroup"') == 2
