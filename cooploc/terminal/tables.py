@@ -34,7 +34,7 @@ from cooploc.analysis.report.result_tables import (
     sort_rows,
 )
 from cooploc.analysis.report.tables import Table, csv_text, number_column, text_column
-from cooploc.scenarios.conformance import Report, sentences
+from cooploc.scenarios.conformance import Report
 from cooploc.scenarios.recordings.scenario import NO_ORDER
 from cooploc.terminal.console import wide
 
@@ -171,8 +171,6 @@ def decision_line(rows: pd.DataFrame, decisions: Mapping[str, Any]) -> str:
     return f"{line}; to {decisions['most']} trials, at most about {duration(left)} of one process"
 
 
-FRAMES = 3  # of a traceback
-CONTINUED = "During handling of the above exception, another exception occurred:"
 CONTENT_COLUMNS = (
     text_column("experiment"),
     text_column("scenario"),
@@ -224,17 +222,9 @@ def show_run(folder: Path) -> None:
         console.print(ONE_PROCESS)
     for one in failures(failed):
         console.print(f"\nfailed: {one.message} ({'; '.join(one.where)})")
-        console.print(_end_of(one.traceback), style="dim", soft_wrap=True)
+        console.print(one.traceback.rpartition("occurred:")[2].strip("\n"), style="dim", soft_wrap=True)
     if failed.empty:
         console.print("\nnothing failed")
-
-
-def _end_of(traceback: str) -> str:
-    """The last frames of the last exception of a traceback, and its message."""
-    last = traceback.rpartition(CONTINUED)[2].strip("\n")
-    head, *frames = last.split("\n  File ")
-    shown = frames[-FRAMES:]
-    return "\n  File ".join([head + "\n  ..." * (len(frames) > FRAMES), *shown])
 
 
 VERDICT_LEGEND = (
@@ -385,22 +375,9 @@ def show_tuning(
     )
 
 
-CHECK_COLUMNS = text_column("check"), text_column("result"), text_column("what was tried and found", "found")
-
-
 def show_checks(report: Report) -> None:
     """Print the results, and how many checks ran, passed, failed and were skipped."""
-    console = wide()
-    if not console.is_terminal:
-        console.print(report.table())
-        return
-    alike: dict[tuple[str, str], list[str]] = {}
-    for one in report.results:
-        alike.setdefault((one.status, "\n".join(sentences(one))), []).append(one.check)
-    names = [checks[0] if len(checks) == 1 else f"{len(checks)} others" for checks in alike.values()]
-    rows = [{"check": name, "result": said[0], "found": said[1]} for name, said in zip(names, alike, strict=True)]
-    console.print(Table("checks", "", CHECK_COLUMNS, rows).terminal())
-    console.print(report.summary())
+    wide().print(report.table())
 
 
 USES = "uses: a|b is the first of the two that a scenario has; a? is used where it is there"

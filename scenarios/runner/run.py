@@ -4,7 +4,6 @@ Every estimator gets the same arrays, read-only, and loses the same packets. The
 """
 
 import math
-import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
@@ -23,10 +22,9 @@ from cooploc.scenarios import resolve, seeds
 from cooploc.scenarios.display import list_table
 from cooploc.scenarios.process import (
     BUILTIN,
+    PATIENCE,
     PLUGINS,
     SESSION,
-    ProcessDied,
-    TimeLimit,
     WorkerError,
     call,
     limit_time,
@@ -46,7 +44,6 @@ TEAM = ("init", "predict", "correct", "exchange", "estimate")
 OFFLINE = ("smooth",)
 LIFT = "a filter written for one robot is lifted by cl.PerRobot, one for a whole team by cl.PerTeam"
 TIME_LIMIT = 600.0  # [s] for one estimator on one trial
-TIMED_OUT = "its process was ended"
 
 
 @dataclass(frozen=True, eq=False)
@@ -222,12 +219,6 @@ class Seedless(NamedTuple):
     stream: Stream
     rows: Rows
 
-    def select(self, trials: slice) -> "Seedless":
-        """Return consecutive trials of it."""
-        n = self.stream.robots
-        mine, (trial, robot, key) = slice(trials.start * n, trials.stop * n), self.rows
-        return Seedless(self.stream.select(trials), Rows(trial[mine], robot[mine], key[mine]))
-
 
 def remove_seed(stream: Stream) -> Seedless:
     """Return the same readings without the seed."""
@@ -246,28 +237,23 @@ class PluginJob(NamedTuple):
 def require_fit_in_process(one: PluginJob, stream: Stream) -> None:
     """Do in its process what `require_fit` does."""
     with _name_in_errors(one):
-        call(one.owner, _require_fit, one, remove_seed(stream).stream)
+        call(one.owner, _require_fit, one, remove_seed(stream).stream, limit=one.seconds)
 
 
 def trace_in_process(one: PluginJob, chunks: list[Stream]) -> Trace:
     """Return the trace of all chunks, each run in a process of its own."""
     with _name_in_errors(one):
         futures = [submit(one.owner, len(chunks), _trace_chunk, one, remove_seed(chunk)) for chunk in chunks]
-        return _concatenate([wait_for(one.owner, future) for future in futures])
+        return _concatenate([wait_for(one.owner, future, limit=one.seconds) for future in futures])
 
 
 @contextmanager
 def _name_in_errors(one: PluginJob) -> Iterator[None]:
     """Name the estimator in errors of its process."""
-    began = time.monotonic()
     try:
         yield
-    except ProcessDied as e:
-        late = "exit code 1)" in str(e) and time.monotonic() - began > one.seconds  # as its own timer ends it
-        why = f"longer than the time limit of {one.seconds:g} s a trial; {TIMED_OUT}" if late else str(e)
-        raise EstimatorError(f"{one.name}: {why}") from e
     except WorkerError as e:
-        raise EstimatorError(f"{one.name}: {e}") from e.__cause__
+        raise EstimatorError(f"{one.name}: {e}") from e.__cause__ or e
 
 
 def find_misfits(
@@ -303,28 +289,16 @@ def _find_misfits_of_labels(
 
 
 def _require_fit(one: PluginJob, stream: Stream) -> None:
-    with limit_time(one.seconds, end_process=True):
+    with limit_time(one.seconds + PATIENCE):
         require_fit(one.name, make_estimator(one.given, one.name), stream)
 
 
 def _trace_chunk(one: PluginJob, given: Seedless) -> Trace:
-    with limit_time(one.seconds, end_process=True):
+    with limit_time(one.seconds + PATIENCE):
         made = make_estimator(one.given, one.name)
         warm_up(one.name, made, given.stream)
-    return _trace_within_limit(one.name, made, given, one.seconds)
-
-
-def _trace_within_limit(name: str, made: Any, given: Seedless, seconds: float) -> Trace:
-    """Return a trace; trials that are late in company run again, each alone."""
-    trials, ticks = given.stream.senses.dt.shape[:2]
-    try:
-        with limit_time(seconds, trials, ticks, end_process=True) as watch:
-            return trace(name, made, given.stream, watch, rows=given.rows)
-    except TimeLimit:
-        if trials == 1:
-            raise
-        alone = [given.select(slice(i, i + 1)) for i in range(trials)]
-        return _concatenate([_trace_within_limit(name, made, one, seconds) for one in alone])
+    with limit_time(one.seconds, *given.stream.senses.dt.shape[:2]) as watch:
+        return trace(one.name, made, given.stream, watch, rows=given.rows)
 
 
 def _concatenate(traces: list[Trace]) -> Trace:

@@ -78,18 +78,10 @@ def select_channels(name: str, uses: tuple[str, ...], stream: Stream) -> set[str
 def deliver(sent: Array, robots: int, link: Mask, rssi: Array, distance: Array) -> Mail:
     """Deliver packets over the links that hold; a packet of nan only is silence.
 
-    Args:
-        sent: (t n, m) for everyone, or (t n, n, m) with axis 1 the addressee.
-        robots: n.
-        link: (t, n, n) with axis 1 the receiver, as in what follows.
-        rssi: (t, n, n) [dBm]
-        distance: (t, n, n) [m]
-
+    `sent` is (t n, m) for everyone, or (t n, n, m) with axis 1 the addressee. Axis 1 of `link`, `rssi` [dBm] and
+    `distance` [m] (t, n, n) is the receiver.
     """
     t, n, m = len(link), robots, sent.shape[-1]
-    if sent.dtype == np.float16:  # which numba cannot read
-        mail = deliver(sent.astype(np.float32), robots, link, rssi, distance)
-        return mail._replace(packets=mail.packets.astype(np.float16))
     heard, packets = np.empty((t, n, n), bool), np.empty((t, n, n, m), sent.dtype)
     signal, away = np.empty((t, n, n)), np.empty((t, n, n))
     wire = readable(sent.reshape(t, n, -1, m) if m else np.empty((t, n, 1, 0)))

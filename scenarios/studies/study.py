@@ -216,10 +216,6 @@ def names() -> list[str]:
 def load(which: str, including: tuple[str, ...] = ()) -> Study:
     """Read a shipped study by name, or any study by the path of its TOML file; what it includes is written out.
 
-    Args:
-        which: a name, or a path that ends in .toml.
-        including: the studies that include it.
-
     Raises:
         BadInput: there is none, or the file is not a study; says the line or the key.
 
@@ -251,19 +247,17 @@ def load(which: str, including: tuple[str, ...] = ()) -> Study:
 
 
 def _validate(content: dict[str, Any], where: str) -> Study:
-    also = content.get("also")
-    blocks = also if isinstance(also, list | tuple) else ()  # anything else is refused below
-    parts: list[tuple[Any, type[BaseModel], str]] = [(content, Study, "a study")]
-    for part, model, what in parts + [(block, Block, "a block of [[also]]") for block in blocks]:
-        known = list(model.model_fields)
-        if unknown := [key for key in part if key not in known] if isinstance(part, dict) else []:
-            raise BadInput(f"{where}: there is no key {unknown[0]!r} in {what}; {nearest(unknown[0], known)}")
     if content.get("scenarios") and not content.get("estimators"):
         raise BadInput(f"{where}: it has scenarios and no estimators: name some")
     try:
         study = Study(**content)
     except ValidationError as e:
-        raise BadInput(f"{where}: {first_reason(e.errors())}") from None
+        *outer, key = map(str, e.errors()[0]["loc"] or ("",))
+        if e.errors()[0]["type"] != "extra_forbidden":
+            raise BadInput(f"{where}: {first_reason(e.errors())}") from None
+        what, model = ("a block of [[also]]", Block) if outer else ("a study", Study)
+        remedy = nearest(key, list(model.model_fields))
+        raise BadInput(f"{where}: there is no key {key!r} in {what}; {remedy}") from None
     if study.seed == study.tuned_with:
         raise BadInput(f"{where}: its estimators were tuned on the streams of seed {study.seed}; choose another seed")
     return study

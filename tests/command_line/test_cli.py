@@ -91,26 +91,6 @@ def test_bad_input_exits_2_with_one_line(place, ran, arguments, said):
     assert said in told.stderr
 
 
-def test_a_failing_estimator_exits_1_and_the_rest_is_kept(place):
-    estimators = '"ekf-local[anchor_reading=rssi]", "arl[density=exact]"'
-    (place / "fails.toml").write_text(SMALL.replace('"ekf-joint"', estimators))
-    program = (
-        "import cooploc.estimators.ekf_local as m\n"
-        "def boom(self, s, z): raise RuntimeError('sensor on fire')\n"
-        "m.EkfLocal.correct = boom\n"
-        "from cooploc.__main__ import main\n"
-        "main()\n"
-    )
-    command = [sys.executable, "-c", program, "run", "fails.toml", "--json"]
-    told = subprocess.run(command, capture_output=True, text=True, cwd=place, timeout=HANGS)
-    assert told.returncode == 1, told.stderr
-    rows = {row["estimator"]: row for row in json.loads(told.stdout)}
-    assert rows["ekf-local[anchor_reading=rssi]"]["failed"] == 6
-    assert rows["ekf-local[anchor_reading=rssi]"]["rmse"] is None
-    assert rows["arl"]["failed"] == 0
-    assert "RuntimeError: sensor on fire" in told.stderr
-
-
 def test_check_passes_a_builtin_and_fails_a_broken_file(place):
     assert inside("check", "dead-reckoning").returncode == 0
     (place / "broken.py").write_text(

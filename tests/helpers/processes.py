@@ -48,8 +48,6 @@ class Trouble(DeadReckoning):
         if ((rows.trial == 3) | (rows.trial == 4)).any():
             if self.does == "raise":
                 raise RuntimeError("sensor on fire")
-            if self.does == "sleep":
-                time.sleep(3600)
             if self.does == "spin":
                 while True:
                     pass

@@ -92,7 +92,7 @@ def test_a_scenario_that_hangs_costs_the_trial_where_it_does(place):
     study = Study(name="cells", trials=2, time_limit=3.0, scenarios=world, estimators=names)
     for _, mine in execute(prepare(study), place / "run").groupby("estimator"):
         assert list(failures(mine)) == [1]
-        assert failures(mine)[1].startswith("TimeLimit: longer than the time limit of 3 s a trial (bad.py:")
+        assert failures(mine)[1].startswith("ProcessHung: longer than the time limit of 3 s a trial")
 
 
 def test_a_run_in_one_process_is_called_so(place):

@@ -33,7 +33,7 @@ def test_a_sweep_has_its_parameters_as_columns_and_the_errors_of_each_value():
     ("given", "said"),
     [
         ({"drop": 0.5}, "nothing is swept"),
-        ({"drop": set()}, "drop is empty"),
+        ({"drop": set()}, "nothing is swept"),
         ({"drpo": {0, 1}}, "no parameter 'drpo'"),
     ],
 )
