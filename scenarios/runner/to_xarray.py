@@ -6,7 +6,7 @@
 
 `P` has `axis` for its rows and `other_axis` for its columns. An estimator's notes are "note: NAME", nan where it has
 no note of that name. Every variable has `units` as CF writes them; where axes differ in theirs, the coordinate `unit`
-has that of each axis. The seed is text, as netCDF 3 has no large numbers.
+has that of each axis. What netCDF 3 cannot keep is written otherwise: a large seed as text, a flag as 0 or 1.
 """
 
 from collections.abc import Mapping
@@ -21,6 +21,7 @@ from cooploc.scenarios.stream import Truth
 AXES, UNITS = ("x", "y", "heading"), ("m", "m", "rad")
 BELIEF = ("estimator", "trial", "tick", "robot", "axis")
 COUNT = ("estimator", "trial", "robot")
+LARGEST = 2**31  # above which netCDF 3 has no whole numbers
 
 
 def dataset(run: Any, truth: Truth | None = None) -> xr.Dataset:
@@ -55,7 +56,8 @@ def dataset(run: Any, truth: Truth | None = None) -> xr.Dataset:
         "stream": ("trial", list(run.hashes), _about("hash of the trial's stream")),
         **({} if run.time is None else {"time": ("tick", run.time, _about("end of the tick", "s"))}),
     }
-    return xr.Dataset(variables, coordinates, {"scenario": run.scenario, "seed": str(run.seed)})
+    seed = run.seed if run.seed < LARGEST else str(run.seed)
+    return xr.Dataset(variables, coordinates, {"scenario": run.scenario, "seed": seed})
 
 
 def _errors(run: Any, truth: Truth) -> Mapping[str, Any]:
