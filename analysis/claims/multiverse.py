@@ -8,7 +8,7 @@ S. Steegen et al., "Increasing transparency through a multiverse analysis", 2016
 """
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -156,30 +156,11 @@ def sentences(found: pd.DataFrame) -> dict[str, str]:
 
 # besides the dimensions of the readings, in what specifications differ
 WORDS = {"scenario": "in {}", "of": "of {}", "than": "against {}", "definition": "read as a {}"}
-MOST = 2  # conditions that a sentence names
-LEAST = 0.1  # share of the other specifications that a condition must exclude to be worth naming
-
-
-class Condition(NamedTuple):
-    """Choices that all of some specifications have, and not all others."""
-
-    name: str
-    choices: tuple[str, ...]
-    without: tuple[str, ...] = ()  # the choices that others have
-
-    def is_met(self, part: pd.DataFrame) -> "pd.Series[bool]":
-        """Return where it is met; one that makes no difference to a specification does not exclude it."""
-        return part[self.name].isin((*self.choices, ""))
-
-    def __str__(self) -> str:
-        few = bool(self.without) and len(self.without) < len(self.choices)
-        *most, last = self.without if few else self.choices
-        listed = "any but " * few + (f"{', '.join(most)} or {last}" if most else last)
-        return WORDS.get(self.name, f"with {self.name} = {{}}").format(listed)
+LEAST = 0.1  # share of the other specifications that a choice must exclude to be worth naming
 
 
 def shared_assumptions(part: pd.DataFrame, dimensions: list[str]) -> str:
-    """Return in how many specifications of a claim it holds, and which choices these, or all others, have in common."""
+    """Return in how many specifications of a claim it holds, and the choice that sets these, or the others, apart."""
     holds = part["verdict"] == "supported"
     n, k = len(part), int(holds.sum())
     if k == n:
@@ -190,38 +171,11 @@ def shared_assumptions(part: pd.DataFrame, dimensions: list[str]) -> str:
             return f"left open in all {n} specifications"
         return f"holds in 0 of {n} specifications" + f"; its direction alone in {direction}" * (direction > 0)
     who, chosen = ("the others are", ~holds) if 2 * k > n else ("all of them" if k > 1 else "the one", holds)
-    names = [*dimensions, *WORDS]
-    found = conditions(part, chosen, names)
-    if not found:
-        return f"holds in {k} of {n} specifications{_most_often(part, names)}"
-    met = int(pd.concat([one.is_met(part) for one in found], axis=1).all(axis=1).sum())
-    more = f" ({int(chosen.sum())} of {met} such)" if met > chosen.sum() else ""
-    return f"holds in {k} of {n} specifications: {who} {' and '.join(map(str, found))}{more}"
-
-
-def conditions(part: pd.DataFrame, chosen: "pd.Series[bool]", names: list[str]) -> list[Condition]:
-    """Return few conditions that all chosen specifications meet and that exclude most others, best first."""
-    found: list[Condition] = []
-    others = part[~chosen]
-    each = []
-    for name in names:
-        choices = tuple(dict.fromkeys(part.loc[chosen, name]))
-        each.append(Condition(name, choices, tuple(x for x in dict.fromkeys(part[name]) if x and x not in choices)))
-    for _ in range(MOST):
-        excluded = {one: int((~one.is_met(others)).sum()) for one in each if "" not in one.choices}
-        best = max(excluded, key=lambda one: excluded[one], default=None)
-        if best is None or not excluded[best] > LEAST * len(others):
-            break
-        found.append(best)
-        others = others[best.is_met(others)]
-    return found
-
-
-def _most_often(part: pd.DataFrame, names: list[str]) -> str:
-    """Return the choice with which a claim holds most often, where no choice is needed for it."""
-    holds = (part["verdict"] == "supported").astype(float)
-    rates = {(name, x): holds[part[name] == x] for name in names for x in part[name].unique() if x}
-    (name, choice), best = max(rates.items(), key=lambda each: each[1].mean())
-    if best.mean() < holds.mean() + LEAST:
-        return ", whatever is chosen"
-    return f"; most often {Condition(name, (choice,))} ({best.sum():.0f} of {len(best)})"
+    shared, most = "", LEAST * int((~chosen).sum())
+    for name in [*dimensions, *WORDS]:
+        choices = list(dict.fromkeys(part.loc[chosen, name]))
+        excluded = int((~part.loc[~chosen, name].isin([*choices, ""])).sum())  # empty: it makes no difference
+        if "" not in choices and excluded > most:
+            listed = WORDS.get(name, f"with {name} = {{}}").format(" or ".join(choices))
+            shared, most = f": {who} {listed}", excluded
+    return f"holds in {k} of {n} specifications{shared}"

@@ -1,15 +1,10 @@
-"""The report in a real browser, by day and by night: nothing sticks out, tables sort and filter, and it prints.
-
-With LOOKS=build/looks in the environment it leaves the pictures there, for a person to look at.
-"""
+"""The report in a real browser, by day and by night: nothing sticks out, and tables sort and filter."""
 
 import html
 import json
-import os
 import re
 import shutil
 import subprocess
-from pathlib import Path
 
 import pandas as pd
 import pytest
@@ -102,13 +97,3 @@ def test_nothing_sticks_out_and_tables_sort_and_filter(report, width, dark):
     assert "▼" in found["sign"]
     assert found["some"] == found["all"] - 5  # one estimator in five scenarios
     assert (found["ground"] == "rgb(255, 255, 255)") == (not dark)
-
-
-def test_it_prints_and_leaves_pictures_to_be_looked_at(report):
-    place = Path(os.environ.get("LOOKS", report.parent)).resolve()
-    place.mkdir(parents=True, exist_ok=True)
-    picture, paper = place / "report-1024.png", place / "report.pdf"
-    chromium(report.parent, "--window-size=1024,9000", f"--screenshot={picture}", frame(report, 1024))
-    chromium(report.parent, "--no-pdf-header-footer", f"--print-to-pdf={paper}", report.as_uri())
-    assert picture.read_bytes().startswith(b"\x89PNG")
-    assert paper.read_bytes().startswith(b"%PDF")

@@ -7,7 +7,6 @@ import numpy as np
 import pandas as pd
 import pytest
 from made_runs import kept_from, rows_of
-from matplotlib.colors import to_rgb
 
 from cooploc import scenarios
 from cooploc.analysis.metrics.compare import compare
@@ -75,18 +74,3 @@ def test_failures_that_repeat_are_counted_though_their_numbers_differ():
     assert (first.message, first.trials) == ("ValueError: nan at tick 0", 3)
     assert first.where == ["nlos, a: trials 0, 3", "nlos, b: trial 1"]
     assert second.trials == 1
-
-
-def luminance(colour):
-    r, g, b = (c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in to_rgb(colour))
-    return 0.2126 * r + 0.7152 * g + 0.0722 * b
-
-
-def test_text_of_the_page_has_enough_contrast_by_day_and_by_night():
-    css = html_page.read_template("page.css")
-    for block in re.findall(r":root \{(.*?)\}", css, re.DOTALL):
-        named = dict(re.findall(r"--(\w+): (#[0-9a-f]+)", block))
-        for ink in ("ink", "soft", "link"):
-            for ground in ("paper", "tint"):
-                low, high = sorted((luminance(named[ink]), luminance(named[ground])))
-                assert (high + 0.05) / (low + 0.05) >= 4.5, (ink, ground)  # Web Content Accessibility Guidelines 2.1
