@@ -7,6 +7,7 @@ A baseline in E. Latif, R. Parasuraman, IEEE Internet of Things Journal 11(2), 2
 """
 
 import numpy as np
+from scipy.linalg import block_diag
 from scipy.stats import norm
 
 
@@ -24,7 +25,7 @@ class MarkovGrid:
     def predict(self, z):
         before, (self.pose, F, Q) = self.pose, self.world.motion.move(self.pose, z.odometry, z.dt)
         self.P = F[:, 2:] @ self.P[2:, 2:] @ F[:, 2:].T + Q
-        k, s = np.arange(-1, 2).reshape(3, 1, 1, 1) * self.cell, self.P.diagonal()[:2] ** 0.5
+        k, s = np.arange(-1, 2).reshape(3, 1, 1, 1) * self.cell, np.sqrt(self.P.diagonal()[:2] + 1e-6)
         t = self.axes[:, None] - self.axes - (self.pose - before)[:2] + k  # from anywhere in a cell to anywhere
         K = np.diff(t * norm.cdf(t / s) + s * norm.pdf(t / s), 2, axis=0)[0].clip(0) / self.cell
         self.p = (K[..., 0] @ self.p.reshape(len(K), -1) @ K[..., 1].T).ravel()
@@ -35,6 +36,5 @@ class MarkovGrid:
         self.p = (self.p / self.p.sum() + 1e-100) * np.exp((misfit.min() - misfit) / (2 * radio.sigma**2))
 
     def estimate(self):
-        x, P = np.r_[self.p @ self.places / self.p.sum(), self.pose[2:]], self.P.copy()
-        P[:2, :2] = np.cov(self.places.T, aweights=self.p, bias=True) + np.diag(self.cell**2 / 12)
-        return x, P
+        P = np.cov(self.places.T, aweights=self.p, bias=True) + np.diag(self.cell**2 / 12)
+        return np.r_[self.p @ self.places / self.p.sum(), self.pose[2:]], block_diag(P, self.P[2:, 2:])

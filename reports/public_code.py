@@ -20,11 +20,17 @@ from numpy.typing import NDArray
 from page import pipe, put_between
 from scipy.optimize import least_squares
 
+import cooploc as cl
+
 Array = NDArray[np.float64]
 Row = tuple[str, str, list[float]]  # what is measured, the variant, errors [m]
 SCRIPTS = tomllib.loads((Path(__file__).resolve().parents[1] / "benchmarks/public_scripts.toml").read_text())
 NODES = np.array([(0, 0), (0, 1.75), (2.34, 1.75), (2.34, 0)])  # of the WiFi runs [m]
 SEEDS = range(5)
+EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
+PLUGINS = ("multilateration.py:Multilateration", "weighted_centroid.py:WeightedCentroid",
+           "differential_rss.py:DifferentialRss", "markov_grid.py:MarkovGrid")  # fmt: skip
+COMPARED = ["arl", "rssi-pf", "constant", "dead-reckoning", *(f"{EXAMPLES}/{name}" for name in PLUGINS)]
 DATASET2 = "3684b64b1e3d68469bf1b900c044d011844ad8de"  # commit of cdoa-localization
 
 
@@ -118,6 +124,25 @@ def replay_fit(repositories: Path, data: Path) -> list[Row]:
     ]
 
 
+def replay_baselines(repositories: Path, data: Path) -> list[Row]:
+    """Return rows: filters and the companion's baselines on its recordings, its scripts, and an error that it holds."""
+    clone, rows = repositories / "cdoa-localization", replay_script("baselines", repositories, data)
+    kept = show(clone, DATASET2, "dataset2/error_diag0.csv").decode().split(",")
+    rows.append(("dataset2", "the file error_diag0.csv, mean error", [float(kept[1])]))
+    with tempfile.TemporaryDirectory() as scratch:
+        subprocess.run([sys.executable, EXAMPLES / "companion_recordings.py", clone, scratch], check=True)
+        for place, study, sets in (
+            (Path(scratch, "trajectories"), "log", ["boundary", "diagonal", "diagonal", "inside", "inside"]),
+            (Path(scratch, "dataset2"), "log", ["dataset2"] * 2),
+            (data / "wifi-rssi", "wifi", ["WiFi"] * 11),
+        ):
+            run = cl.run_study(study, data=place, estimators=COMPARED, out=Path(scratch, f"run-{place.name}"))
+            table = run.rows.drop_duplicates(["estimator", "trial"])
+            for (name, k), one in table.groupby(["estimator", table["trial"].map(sets.__getitem__)], sort=False):
+                rows.append((str(k), Path(str(name)).name, list(one["rmse"])))
+    return rows
+
+
 def show(clone: Path, commit: str, name: str) -> bytes:
     """Return a file of a clone at a commit."""
     return subprocess.check_output(["git", "-C", str(clone), "show", f"{commit}:{name}"])
@@ -175,14 +200,18 @@ def write_subjects(recording: Path, folder: Path) -> None:
 def main(repositories: str, data: str, page: str, *only: str) -> None:
     """Write the tables of the page between their marks, or those of these names only."""
     for name in only or ("average", "fit", *SCRIPTS):
-        own = {"average": replay_average, "fit": replay_fit}.get(name)
+        own = {"average": replay_average, "fit": replay_fit, "baselines": replay_baselines}.get(name)
         places = Path(repositories), Path(data)
         rows = own(*places) if own else replay_script(name, *places)
         cells = [
             (what, variant, f"{np.mean(e):.2f}" + f" ({min(e):.2f} to {max(e):.2f})" * (len(e) > 1))
             for what, variant, e in rows
         ]
-        table = pipe(pd.DataFrame(cells, columns=["measured", "variant", "error [m]"]))
+        frame = pd.DataFrame(cells, columns=["measured", "variant", "error [m]"])
+        if name == "baselines":  # a column for each recording
+            wide = frame.pivot(index="variant", columns="measured", values="error [m]").fillna("")
+            frame = wide.loc[frame["variant"].unique(), frame["measured"].unique()].reset_index()
+        table = pipe(frame)
         Path(page).write_text(put_between(Path(page).read_text(), name, f"\n{table}\n"))
         print(name, table, sep="\n", flush=True)
 
