@@ -32,7 +32,7 @@ from cooploc.scenarios.recordings.team_log import (
     order_series,
     split_channels,
 )
-from cooploc.scenarios.recordings.text_files import TextTable, read_table, require_unique, require_whole
+from cooploc.scenarios.recordings.text_files import TextTable, read_table, whole_numbers
 from cooploc.scenarios.stream import Air, Stream, Truth
 from cooploc.scenarios.worlds.radio import Positive
 
@@ -58,9 +58,9 @@ def read_run(place: Path, name: str, description: TeamDescription | None) -> Tea
     surveyed = read_table(
         place / "Landmark_Groundtruth.dat", ("subject", "x [m]", "y [m]", "x sd [m]", "y sd [m]"), True
     )
-    columns = _columns(read_table(place / BARCODES, ("subject", "barcode"), True), surveyed, n)
+    named = _names_of_barcodes(read_table(place / BARCODES, ("subject", "barcode"), True), surveyed, n)
     robots, landmarks = (tuple(str(int(k)) for k in of) for of in (range(1, n + 1), surveyed.values[:, 0]))
-    names, warnings = (*robots, *landmarks), list[str]()
+    warnings: list[str] = []
 
     def team(kind: str, *columns: str) -> list[TextTable]:
         tables = [read_table(place / f"Robot{robot}_{kind}.dat", ("time [s]", *columns)) for robot in robots]
@@ -76,33 +76,23 @@ def read_run(place: Path, name: str, description: TeamDescription | None) -> Tea
     odometry = tuple(series(table, last=True) for table in team("Odometry", "v [m/s]", "omega [rad/s]"))
     measured = []
     for robot, table in zip(robots, team("Measurement", "barcode", "range [m]", "bearing [rad]"), strict=True):
-        require_whole(table, 1, "barcode")
-        codes = [int(code) for code in table.values[:, 1]]
-        other = [names[columns[code]] if code in columns else f"barcode {code}" for code in codes]
-        measured.append(Measured(table.values[:, 0], [robot] * len(codes), other, table.values[:, 2:], str(table.path)))
+        other = [named.get(code, f"barcode {code}") for code in whole_numbers(table, 1, "barcode")]
+        measured.append(Measured(table.values[:, 0], [robot] * len(other), other, table.values[:, 2:], str(table.path)))
     readings, notes = split_channels("sighting", measured, robots, landmarks)
     places, none = Places(landmarks, surveyed.values[:, 1:3]), Places((), np.empty((0, 2)))
     return TeamLog(name, robots, "velocity", odometry, truth, readings, places, none, (*warnings, *notes))
 
 
-def _columns(barcodes: TextTable, surveyed: TextTable, n: int) -> dict[int, int]:
-    """Barcode -> robot 0..n-1, or n + landmark."""
-    for table, column, name in ((barcodes, 0, "subject"), (barcodes, 1, "barcode"), (surveyed, 0, "subject")):
-        require_unique(table, column, name)
-    code = {int(subject): int(barcode) for subject, barcode in barcodes.values}
-    columns = {}
-    for subject in range(1, n + 1):
-        if subject not in code:
-            raise BadInput(f"{barcodes.path}: robot {subject} has no barcode; add its line")
-        columns[code[subject]] = subject - 1
-    for row, subject in enumerate(map(int, surveyed.values[:, 0])):
-        where = f"{surveyed.at(row)}: landmark {subject}"
-        if subject <= n:
-            raise BadInput(f"{where} has a robot's number; number landmarks above {n}")
-        if subject not in code:
-            raise BadInput(f"{where} has no barcode; add its line to {barcodes.path.name}")
-        columns[code[subject]] = n + row
-    return columns
+def _names_of_barcodes(barcodes: TextTable, surveyed: TextTable, n: int) -> dict[int, str]:
+    """Return the name of the robot or landmark that carries each barcode."""
+    landmarks = whole_numbers(surveyed, 0, "subject", unique=True)
+    subjects, codes = (whole_numbers(barcodes, k, name, unique=True) for k, name in enumerate(("subject", "barcode")))
+    barcode, named = dict(zip(subjects, codes, strict=True)), [*range(1, n + 1), *landmarks]
+    if taken := [k for k in landmarks if k <= n]:
+        raise BadInput(f"{surveyed.path}: landmark {taken[0]} has a robot's number; number landmarks above {n}")
+    if lost := [k for k in named if k not in barcode]:
+        raise BadInput(f"{barcodes.path}: subject {lost[0]} has no barcode; add its line")
+    return {barcode[k]: str(k) for k in named}
 
 
 # ---- The scenario `mrclam`

@@ -16,6 +16,7 @@ Source: A. Papalia et al., PyFactorGraph, https://github.com/MarineRoboticsGroup
 """
 
 import re
+from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
@@ -72,29 +73,21 @@ class Graph(NamedTuple):
     ranges: list[Edge]  # EDGE_RANGE: range [m]
     warnings: list[str]
 
-    def at(self, line: int) -> str:
-        """The place of a line, for an error."""
-        return f"{self.path}, line {line}"
-
 
 def read_graph(path: Path) -> Graph:
     """Read the vertices and edges in a file. Lines that cannot be read are left out, with a warning."""
     text = read_text(path, "ascii")
     graph = Graph(path, {}, {}, [], [], [], [])
     lines = [(i, line.split()) for i, line in enumerate(text.split("\n"), 1) if line and not line.isspace()]
-    unknown: dict[str, int] = {}
-    faults: list[Fault] = []
-    for i, fields in lines:
-        tag = fields[0]
-        if tag in FIELDS:
-            fault = _add(graph, i, fields)
-            faults += [fault] if fault else []
-        elif tag.startswith(("VERTEX_SE3", "VERTEX_XYZ", "EDGE_SE3")):
-            raise BadInput(f"{graph.at(i)}: {tag} is of three dimensions; only graphs in the plane (SE2, XY) are read")
-        elif not tag.endswith(":PRIOR") and not tag.startswith("#"):
-            unknown[tag] = unknown.get(tag, 0) + 1
-    faults += _drop_loose_edges(graph)
-    graph.warnings.extend(leave_out(path, sorted(faults), sum(fields[0] in FIELDS for _, fields in lines)))
+    for i, (tag, *_) in lines:
+        if tag.startswith(("VERTEX_SE3", "VERTEX_XYZ", "EDGE_SE3")):
+            three = f"{tag} is of three dimensions; only graphs in the plane (SE2, XY) are read"
+            raise BadInput(f"{path}, line {i}: {three}")
+    known = [(i, fields) for i, fields in lines if fields[0] in FIELDS]
+    faults = [fault for i, fields in known if (fault := _add(graph, i, fields))] + _drop_loose_edges(graph)
+    graph.warnings.extend(leave_out(path, sorted(faults), len(known)))
+    tags = Counter(tag for _, (tag, *_) in lines if not tag.endswith(":PRIOR") and not tag.startswith("#"))
+    unknown = {tag: n for tag, n in tags.items() if tag not in FIELDS}
     graph.warnings.extend(
         f"{path}: {n} lines of {short_repr(tag)}, which is not read, were left out" for tag, n in unknown.items()
     )

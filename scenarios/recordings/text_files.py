@@ -12,6 +12,7 @@ from reprlib import repr as short_repr
 from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 
 from cooploc.estimators import nearest
 from cooploc.estimators.errors import BadInput
@@ -148,24 +149,16 @@ def longest_rise(stamps: Array) -> Indices:
     return np.array(kept[::-1], np.int64)
 
 
-def require_whole(table: TextTable, column: int, name: str) -> None:
-    """Refuse a column with a number that is not whole."""
-    bad = table.values[:, column] != np.rint(table.values[:, column])
+def whole_numbers(table: TextTable, column: int, name: str, unique: bool = False) -> list[int]:
+    """Return a column of whole numbers; refuse any other number and, with `unique`, one that was given before."""
+    values = table.values[:, column]
+    again = unique & pd.Series(values).duplicated().to_numpy()
+    bad = again | (values != np.rint(values))
     if bad.any():
         row = int(np.argmax(bad))
-        raise BadInput(f"{table.at(row)}: {name} {table.values[row, column]:g} is not a whole number; correct the line")
-
-
-def require_unique(table: TextTable, column: int, name: str) -> None:
-    """Refuse a column with a number that is not whole, or is there twice."""
-    require_whole(table, column, name)
-    _, first = np.unique(table.values[:, column], return_index=True)
-    again = np.setdiff1d(np.arange(len(table.values)), first)
-    if len(again):
-        row = int(again[0])
-        raise BadInput(
-            f"{table.at(row)}: {name} {table.values[row, column]:g} was given before; remove one of the lines"
-        )
+        why = "was given before" if again[row] else "is not a whole number"
+        raise BadInput(f"{table.at(row)}: {name} {values[row]:g} {why}; correct or remove the line")
+    return [int(value) for value in values]
 
 
 # ---- CSV files, their columns by name

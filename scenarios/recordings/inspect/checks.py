@@ -197,17 +197,15 @@ def check_heading_unit(c: CheckedLog, i: int) -> None:
         return max(concentration(factor * there - direction)[0], concentration(factor * there + direction)[0])
 
     as_read = agreement(1.0)
-    needed, jumps, sure = max(0.6, as_read + 0.3), np.max(np.abs(np.diff(there))) > 180, "sure"
+    needed = max(0.6, as_read + 0.3)
     if largest > 2.1 * np.pi and agreement(DEGREE) > needed:
         kind, unit, factor = ANGLE_UNITS[0]
-    elif 4 * np.pi < largest <= 361 and jumps and as_read < 0.5:
-        (kind, unit, factor), sure = ANGLE_UNITS[0], "likely"
     elif largest < 2.1 * np.pi * DEGREE and concentration(direction)[0] < 0.8 and agreement(1 / DEGREE) > needed:
         kind, unit, factor = ANGLE_UNITS[1]
     else:
         return
     fact = f"headings reach {largest:.4g} as read; with the unit {unit} they follow the direction of motion"
-    c.add(kind, i, m.poses.source, fact, sure, f'unit = "{unit}"', "truth", ("heading",))
+    c.add(kind, i, m.poses.source, fact, "sure", f'unit = "{unit}"', "truth", ("heading",))
     c.correct("truth", i, divide_columns(m.poses, factor, (2,)))
 
 
