@@ -147,9 +147,9 @@ def inspect(
     """
     found = cl.inspect(path, run, again=force)
     if strict:
-        from cooploc.analysis.execution.run import require_whole
+        from cooploc.scenarios.scenario import require_no_faults
 
-        require_whole(found.inspected.log.warnings)
+        require_no_faults(found.inspected.log.warnings)
     terminal.tables.show_inspection(found, found.write(out, force))
 
 

@@ -223,6 +223,13 @@ def build_scenario(
         raise BadInput(f"scenario {label!r}, {first_reason(e.errors())}") from None
 
 
+def require_no_faults(faults: Sequence[str]) -> None:
+    """Refuse a recording of which something was left out, sorted or repaired while reading."""
+    if faults:
+        others = f", and others ({len(faults) - 1})" if len(faults) > 1 else ""
+        raise BadInput(f"{faults[0]}{others}: mend the recording, or leave out --strict")
+
+
 def split_family(path: str) -> tuple[str, str]:
     """Divide a label without brackets into family and the part behind the slash; a file's path may hold slashes."""
     if path.endswith(".py"):

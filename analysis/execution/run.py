@@ -18,9 +18,8 @@ from cooploc.analysis.execution.workers import Compute, Task, make_workers
 from cooploc.analysis.formats import count_of, duration
 from cooploc.analysis.metrics.sequential import OPEN, decide, looks
 from cooploc.estimators import module_of
-from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.runner.run import find_misfits
-from cooploc.scenarios.scenario import ResolvedScenario
+from cooploc.scenarios.scenario import ResolvedScenario, require_no_faults
 from cooploc.scenarios.studies.study import ResolvedStudy, Study, resolve_study
 
 CHUNK_BYTES = 64e6  # of readings between robots, the largest arrays of a stream
@@ -85,15 +84,8 @@ def prepare(
             say(f"left out: {error}")
         cells.append(cell.leave_out(misfits))
         if strict:
-            require_whole([f"{cell.scenario.label}, {line}" for line in cell.scenario.faults()])
+            require_no_faults([f"{cell.scenario.label}, {line}" for line in cell.scenario.faults()])
     return asked._replace(cells=tuple(cells))
-
-
-def require_whole(faults: Sequence[str]) -> None:
-    """Refuse a recording with faults."""
-    if faults:
-        others = f", and {count_of(len(faults) - 1, 'other fault')}" if len(faults) > 1 else ""
-        raise BadInput(f"{faults[0]}{others}: mend the recording, or leave out --strict")
 
 
 # The run.

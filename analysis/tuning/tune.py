@@ -43,6 +43,7 @@ from cooploc.estimators import configure
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.registry import parse
 from cooploc.scenarios import family, resolve, simulate
+from cooploc.scenarios.recordings.inspect.draft_toml import toml
 from cooploc.scenarios.scenario import ResolvedScenario, split_family
 from cooploc.scenarios.stream import Stream, Truth
 from cooploc.scenarios.studies.study import Block, ResolvedCell, ResolvedStudy, Study
@@ -327,22 +328,16 @@ def tuned_study(study: Study, tuned: Mapping[str, str], seed: int, both: bool) -
 
 
 def as_toml(study: Study) -> str:
-    """Return the text of a study's file. A JSON string of printable characters is a TOML string of the same meaning."""
+    """Return the text of a study's file."""
     known = study.model_dump()
     text = "# Made by cooploc tune: every estimator as it was tuned, on streams of a seed that no run may have.\n"
-    text += "".join(f"{key} = {_toml(known[key])}\n" for key in ("about", "trials", "seed", "time_limit", "tuned_with"))
+    text += "".join(f"{key} = {toml(known[key])}\n" for key in ("about", "trials", "seed", "time_limit", "tuned_with"))
     for block in study.also:
-        lines = {key: _toml(value) for key, value in block.model_dump().items() if value}
+        lines = {key: toml(value) for key, value in block.model_dump().items() if value}
         text += "\n[[also]]\n" + "".join(f"{key} = {value}\n" for key, value in lines.items())
     if study.training:
-        text += "\n[training]\n" + "".join(f"{_toml(key)} = {_toml(value)}\n" for key, value in study.training.items())
+        text += "\n[training]\n" + "".join(f"{toml(key)} = {toml(value)}\n" for key, value in study.training.items())
     return text
-
-
-def _toml(value: object) -> str:
-    if isinstance(value, list | tuple):
-        return "[\n" + "".join(f"    {_toml(one)},\n" for one in value) + "]" if value else "[]"
-    return json.dumps(value, ensure_ascii=False)
 
 
 # ---- tables
