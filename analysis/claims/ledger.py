@@ -28,7 +28,6 @@ from pydantic import Field, ValidationError
 from cooploc.analysis.claims.interpretations import Dimension, find_error
 from cooploc.analysis.claims.kinds import Claim, LedgerTable
 from cooploc.estimators.errors import BadInput, plain_words
-from cooploc.scenarios.display import list_table
 
 BASE = "paper"  # the variant without substitutions
 
@@ -51,9 +50,6 @@ class Ledger(LedgerTable):
 
     def __repr__(self) -> str:
         return f"Ledger({self.paper!r}, {len(self.claims)} claims, {len(self.variants)} variants)"
-
-    def _repr_html_(self) -> str:
-        return list_table(("claim", "says", "where"), self.paper, [(c.id, c.says, c.where) for c in self.claims])
 
 
 def load(path: str | Path | None = None) -> Ledger:

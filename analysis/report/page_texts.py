@@ -58,7 +58,7 @@ def _known_readings(rows: pd.DataFrame) -> str:
     if "offline" in rows and rows["offline"].eq(True).any():
         return "every reading of every robot, of later ticks too: a bound that no robot could run"
     if rows["bound"].eq(True).any():
-        return "every reading of every robot: a bound on all others"
+        return "every reading of every robot: a bound on all others in a simulated world"
     if rows["centralised"].eq(True).any():
         return "every reading of every robot, on one computer"
     return f"its own readings, and {'what teammates send' if rows['messages'].gt(0).any() else 'nothing of teammates'}"

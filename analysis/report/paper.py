@@ -112,7 +112,7 @@ NOT_CHOSEN = {"scenario", "estimator", "consistency", "certificate", "verdict"}
 MARKS = {
     "o": f"over-confident: the 95 % interval of its ANEES lies above {OVER_CONFIDENT:g}",
     "c": "centralised: knows all readings at once",
-    "b": "bound: what no other can surpass",
+    "b": "bound: no estimator is better in a simulated world",
     "f": "failed in some trials, numbers of the others",
 }
 NOTES = {

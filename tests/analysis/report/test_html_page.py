@@ -102,24 +102,6 @@ def test_a_scenario_of_two_experiments_is_in_both_with_the_estimators_that_it_ha
     assert more.experiments["first"][DROPS[0]] == ["d"]  # run with --estimators, of no block
 
 
-def test_groups_are_shown_where_estimators_are_ranked_and_left_out_where_there_is_nothing_to_test(tmp_path):
-    rows = rows_of("nlos", {"a": (1.0, 1.0), "b": (1.0, 1.0), "c": (9.0, 1.0)}, trials=20)
-    rows["mse"] *= np.random.default_rng(4).lognormal(0, 0.5, len(rows))
-    page(kept_from(rows, tmp_path), tmp_path)
-    table = pd.read_csv(tmp_path / "tables" / "experiment-one.csv").set_index("estimator")
-    a, b, c = (set(table.loc[name, "group"]) for name in "abc")
-    assert (bool(a & b), bool(a & c), table.loc["c", "rank"]) == (True, False, 3)
-    page(kept_from(rows[rows["trial"] < 4], tmp_path), tmp_path)
-    assert pd.read_csv(tmp_path / "tables" / "experiment-one.csv")["group"].isna().all()
-
-
-def test_of_many_estimators_a_sweep_gives_the_range_and_its_table_all_numbers(tmp_path):
-    rows = pd.concat([rows_of(label, {f"e{i}": (1.0 + i, 1.0) for i in range(14)}) for label in DROPS])
-    rows["mse"] *= np.where(rows["scenario"] == DROPS[2], 4.0, 1.0)
-    assert "it grows for 14 estimators (by 100\u00a0% to 100\u00a0%)." in page(kept_from(rows, tmp_path), tmp_path)
-    assert len(pd.read_csv(tmp_path / "tables" / "experiment-one-sweep1.csv")) == 14
-
-
 def test_variants_share_a_panel_and_every_estimator_has_one(swept):
     table = compare(swept, "base", full=True).assign(floor=0.01)
     names = ["arl", "arl[K=1]", "arl[M=1]", "b", "c", "d[x=1]", "e"]
