@@ -153,7 +153,7 @@ def claims_shown(kept: StoredRun, ledger: Ledger) -> dict[str, Any] | None:
     run, rest = (replace(table, name=f"claims-{i}", columns=columns, rows=rows) for i, rows in enumerate(parts))
     return {
         "paper": ledger.paper,
-        "sentence": _sentence(judged),
+        "sentence": f"{len(ran)} of {count_of(judged['claim'].nunique(), 'claim')} could be looked at.",
         "overview": overview(verdicts.overview(judged), judged, ledger, readings),
         "run": run,
         "not_run": rest,
@@ -161,19 +161,3 @@ def claims_shown(kept: StoredRun, ledger: Ledger) -> dict[str, Any] | None:
         "family": str(verdicts.count_verdicts(judged)),
         "table": table,
     }
-
-
-def _sentence(judged: pd.DataFrame) -> str:
-    """Return the judged claims by verdict; one whose cases differ is named with their counts."""
-    base = judged[(judged["variant"] == BASE) & (judged["verdict"] != "not run")]
-    found: dict[str, list[str]] = {verdict: [] for verdict in (*verdicts.VERDICTS, "differs by case")}
-    for claim, part in base.groupby("claim", sort=False):
-        counts = part["verdict"].value_counts(sort=False)
-        if len(counts) == 1:
-            found[str(counts.index[0])].append(str(claim))
-        else:
-            each = ", ".join(f"{count} {verdict}" for verdict, count in counts.items())
-            found["differs by case"].append(f"{claim} ({each})")
-    text = "; ".join(f"{verdict}: {', '.join(names)}" for verdict, names in found.items() if names)
-    seen, every = base["claim"].nunique(), count_of(judged["claim"].nunique(), "claim")
-    return f"As the paper states them, {seen} of {every} could be looked at. {text[:1].upper()}{text[1:]}."
