@@ -1,11 +1,10 @@
 """`check_estimator`: does an estimator keep to the rules of the comparison?
 
-    assert check_estimator(MyFilter()).passed
-
 It runs on small simulated streams, again and again with readings perturbed or hidden, packets dropped, trials
-reordered. A check compares such runs, bit by bit, and says where they differ first. To add one, write a function that
-takes a `Harness`, returns what it tried and saw, and raises `CheckFailed` or `CheckSkipped`; give it a line with its
-remedy in `REMEDIES`. Modelled on scikit-learn's check_estimator and PettingZoo's API tests.
+reordered. A check compares such runs, bit by bit, and says where they differ first: a function that takes a `Harness`,
+returns what it tried and saw, and raises `CheckFailed` or `CheckSkipped`; its remedy stands in `REMEDIES`.
+
+Modelled on scikit-learn's check_estimator and PettingZoo's API tests.
 """
 
 import pickle
@@ -291,7 +290,7 @@ class Harness:
     @property
     def team_cases(self) -> list[tuple[Stream, RunRecord]]:
         """The cases of more than one robot."""
-        return [(stream, base) for stream, base in self.cases if stream.robots > 1]
+        return [case for case in self.cases if case[0].robots > 1]
 
     def channels(self, stream: Stream) -> set[str]:
         """Return the channels of a stream that the estimator reads."""
@@ -691,8 +690,7 @@ def _contents(thing: Any, path: str) -> dict[str, bytes]:
 
 
 def _require_unchanged(before: dict[str, bytes], after: dict[str, bytes], when: str) -> None:
-    changed = [path for path in before if before[path] != after.get(path)]
-    if changed:
+    if changed := [path for path in before if before[path] != after.get(path)]:
         raise CheckFailed(f"{changed[0]} was changed {when}")
 
 

@@ -249,13 +249,12 @@ def run_until_decided(
     """
     most, watcher = study.study.trials, progress or Silent()
     limits = {(cell.scenario.label, name): count for cell in study.cells for name, count in cell.trials.items()}
-    baselines = {cell.scenario.label: cell.baseline for cell in study.cells}
     counts, going, rows = dict.fromkeys(limits, 0), set(limits), pd.DataFrame()
     for n in looks(most):
         counts |= {cell: min(n, limits[cell]) for cell in going}
         rows = execute(study.limit_trials(counts), out, progress=watcher, **options)
         below = {cell.scenario.label: min(n, cell.most) for cell in study.cells}
-        answers = [_compare(rows, baselines, below), *(question(rows, n) for question in ask)]
+        answers = [_compare(rows, study, below), *(question(rows, n) for question in ask)]
         going = {cell for one in answers for cell in one.open if counts[cell] < limits[cell]}
         records = {one.of: one.records for one in answers}
         write_json(out / DECISIONS, {"most": most, "look": n, "going": sorted(going), **records})
@@ -265,9 +264,9 @@ def run_until_decided(
     return rows
 
 
-def _compare(rows: pd.DataFrame, baselines: dict[str, str], below: dict[str, int]) -> Answers:
+def _compare(rows: pd.DataFrame, study: ResolvedStudy, below: dict[str, int]) -> Answers:
     """Compare every estimator with the baseline of its scenario, on the trials below a number."""
-    found = decide(rows, baselines, below)
+    found = decide(rows, {cell.scenario.label: cell.baseline for cell in study.cells}, below)
     going = [one for one in found if one.verdict == OPEN]
     cells = frozenset((one.scenario, name) for one in going for name in (one.estimator, one.baseline))
     return Answers("comparison", cells, len(found) - len(going), len(going), [one._asdict() for one in found])

@@ -215,8 +215,8 @@ def make_workers(
     """Yield a function that computes tasks: here, in processes of this machine, or on a Dask cluster."""
     if not 1 <= jobs <= MOST_JOBS:
         raise BadInput(f"jobs is {jobs}; it must be at least 1, and at most {MOST_JOBS}")
-    if not isolate and (jobs > 1 or scheduler is not None):
-        other = "--scheduler" if scheduler is not None else f"--jobs {jobs}"
+    if not isolate and (jobs > 1 or scheduler):
+        other = f"--jobs {jobs}" if jobs > 1 else "--scheduler"
         raise BadInput(f"--no-isolate keeps everything in one process, and {other} asks for others: leave one out")
 
     def compute_here(tasks: list[Task]) -> Iterator[MeasuredPart]:
