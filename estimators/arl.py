@@ -7,26 +7,44 @@ mobile robots", VTC-Fall 2020, as Latif & Parasuraman use it ("ARL").
 """
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 import numpy as np
 
 from cooploc.estimators import particles as shared
 from cooploc.estimators.interface import Array, Mail, Senses
+from cooploc.estimators.tunable import tunable
 
 
 @shared.explain
 @dataclass(frozen=True)
-class Arl(shared.ParticleParameters):
+class Arl:
     """Particle filter on own readings; sends nothing."""
 
+    api: ClassVar[int] = 1
     sends: ClassVar[str] = "nothing"
+    particles: int = 200
+    anchor_reading: Literal["doa", "gradient", "rssi", "none"] = "doa"
+    density: Literal["constant", "exact"] = tunable("constant", choices=("constant", "exact"), where=shared.DOA)
+    residual: Literal["wrapped", "sum", "corners", "code"] = "wrapped"
+    M: int = tunable(5, 1, 10, where=shared.DOA)
+    K: int = tunable(5, 1, 10, where=shared.DOA)
+    decay: float = tunable(0.99, 0.5, 1.0, where=shared.DOA)
+    temper: bool = tunable(True, choices=(True, False), where=shared.DOA)
+    point: Literal["mean", "max"] = "mean"
+    proposal: Literal["walk", "box", "best"] = "walk"
+    box: float = 0.5  # [m]
+    inflation: float = tunable(1.0, 0.5, 5.0, log=True)
+    precision: Literal["double", "single"] = "double"
 
     uses = property(shared.own_channels)
     init = shared.init
     predict = shared.predict
     correct = shared.correct
     estimate = shared.estimate
+
+    def __post_init__(self) -> None:
+        shared.require_limits(self)
 
     @property
     def consistency(self) -> str:

@@ -16,7 +16,7 @@ Source: S. Grime, H. Durrant-Whyte, "Data fusion in decentralized sensor network
 """
 
 from dataclasses import dataclass
-from typing import ClassVar, NamedTuple
+from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
 
@@ -24,6 +24,7 @@ from cooploc.estimators import particles as shared
 from cooploc.estimators.interface import Array, Belief, Indices, Mail, Mask, Rows, Senses, Sensor, World
 from cooploc.estimators.kalman import curvature, kalman, symmetric
 from cooploc.estimators.particle_likelihood import pack, unpack
+from cooploc.estimators.tunable import tunable
 
 VAGUE = 1e3  # sides of the arena: the standard deviation of a channel over which nothing was said
 
@@ -46,7 +47,7 @@ class State(NamedTuple):
 
 @shared.explain
 @dataclass(frozen=True)
-class ChannelPf(shared.ParticleParameters):
+class ChannelPf:
     """Particle filter on own readings; Gaussians are exchanged, less what each link has carried before.
 
     Args:
@@ -54,11 +55,28 @@ class ChannelPf(shared.ParticleParameters):
 
     """
 
+    api: ClassVar[int] = 1
     sends: ClassVar[str] = "mean, covariance, odometry"
     consistency: ClassVar[str] = "over-confident: a link does not see what comes around others"
+    particles: int = 200
+    anchor_reading: Literal["doa", "gradient", "rssi", "none"] = "doa"
+    density: Literal["constant", "exact"] = tunable("constant", choices=("constant", "exact"), where=shared.DOA)
+    residual: Literal["wrapped", "sum", "corners", "code"] = "wrapped"
+    M: int = tunable(5, 1, 10, where=shared.DOA)
+    K: int = tunable(5, 1, 10, where=shared.DOA)
+    decay: float = tunable(0.99, 0.5, 1.0, where=shared.DOA)
+    temper: bool = tunable(True, choices=(True, False), where=shared.DOA)
+    point: Literal["mean", "max"] = "mean"
+    proposal: Literal["walk", "box", "best"] = "walk"
+    box: float = 0.5  # [m]
+    inflation: float = tunable(1.0, 0.5, 5.0, log=True)
+    precision: Literal["double", "single"] = "double"
     reading: shared.RadioReading = "range"
 
     uses = property(shared.team_channels)
+
+    def __post_init__(self) -> None:
+        shared.require_limits(self)
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
         r, n, own = len(prior.x), world.robots, shared.init(self, prior, world, rows)

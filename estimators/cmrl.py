@@ -16,7 +16,7 @@ Autonomous Robots 8(3), 2000.
 """
 
 from dataclasses import dataclass
-from typing import ClassVar, NamedTuple
+from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
 
@@ -24,6 +24,7 @@ from cooploc.estimators import mixtures, random_numbers
 from cooploc.estimators import particles as shared
 from cooploc.estimators.interface import Array, Belief, Mail, Rows, Senses, World
 from cooploc.estimators.mixtures import density, sample
+from cooploc.estimators.tunable import tunable
 
 
 class State(NamedTuple):
@@ -35,7 +36,7 @@ class State(NamedTuple):
 
 @shared.explain
 @dataclass(frozen=True)
-class Cmrl(shared.ParticleParameters):
+class Cmrl:
     """Particle filter on own readings, multiplied with a density of each teammate once per meeting.
 
     Args:
@@ -45,8 +46,22 @@ class Cmrl(shared.ParticleParameters):
 
     """
 
+    api: ClassVar[int] = 1
     sends: ClassVar[str] = "a sample of particles"
     consistency: ClassVar[str] = "over-confident, less so than `mrsl-*`: a detection counts once per 2.5 m"
+    particles: int = 200
+    anchor_reading: Literal["doa", "gradient", "rssi", "none"] = "doa"
+    density: Literal["constant", "exact"] = tunable("constant", choices=("constant", "exact"), where=shared.DOA)
+    residual: Literal["wrapped", "sum", "corners", "code"] = "wrapped"
+    M: int = tunable(5, 1, 10, where=shared.DOA)
+    K: int = tunable(5, 1, 10, where=shared.DOA)
+    decay: float = tunable(0.99, 0.5, 1.0, where=shared.DOA)
+    temper: bool = tunable(True, choices=(True, False), where=shared.DOA)
+    point: Literal["mean", "max"] = "mean"
+    proposal: Literal["walk", "box", "best"] = "walk"
+    box: float = 0.5  # [m]
+    inflation: float = tunable(1.0, 0.5, 5.0, log=True)
+    precision: Literal["double", "single"] = "double"
     reading: shared.RadioReading = "range"
     samples: int = 16
     apart: float = 2.5  # [m]

@@ -300,7 +300,7 @@ FUSE = {"moments": fuse_by_moments, "message": fuse_by_message, "received": fuse
 
 @shared.explain
 @dataclass(frozen=True)
-class Ctrn(shared.ParticleParameters):
+class Ctrn:
     """Particle filter on own readings, covariance intersection with received beliefs.
 
     Args:
@@ -312,12 +312,29 @@ class Ctrn(shared.ParticleParameters):
 
     """
 
+    api: ClassVar[int] = 1
     sends: ClassVar[str] = "mean and covariance"
     consistency: ClassVar[str] = "as `arl` alone; the fusion adds no over-confidence"
+    particles: int = 200
+    anchor_reading: Literal["doa", "gradient", "rssi", "none"] = "doa"
+    density: Literal["constant", "exact"] = tunable("constant", choices=("constant", "exact"), where=shared.DOA)
+    residual: Literal["wrapped", "sum", "corners", "code"] = "wrapped"
+    M: int = tunable(5, 1, 10, where=shared.DOA)
+    K: int = tunable(5, 1, 10, where=shared.DOA)
+    decay: float = tunable(0.99, 0.5, 1.0, where=shared.DOA)
+    temper: bool = tunable(True, choices=(True, False), where=shared.DOA)
+    point: Literal["mean", "max"] = "mean"
+    proposal: Literal["walk", "box", "best"] = "walk"
+    box: float = 0.5  # [m]
+    inflation: float = tunable(1.0, 0.5, 5.0, log=True)
+    precision: Literal["double", "single"] = "double"
     reading: shared.RadioReading = "range"
     fusion: Literal["moments", "message", "received"] = "moments"
     weights: Literal["cvxpy", "exact"] = "cvxpy"
     criterion: Literal["trace", "det"] = tunable("trace", choices=("trace", "det"))
+
+    def __post_init__(self) -> None:
+        shared.require_limits(self)
 
     @property
     def uses(self) -> tuple[str, ...]:

@@ -17,6 +17,7 @@ import numpy as np
 from cooploc.estimators import kalman
 from cooploc.estimators.covariance_intersection import solve_relative
 from cooploc.estimators.interface import Array, Belief, Indices, Mail, Rows, Senses, World
+from cooploc.estimators.models import AnchorReading
 from cooploc.estimators.tunable import tunable
 
 
@@ -32,7 +33,7 @@ class State(NamedTuple):
 
 @kalman.explain
 @dataclass(frozen=True)
-class EkfCi(kalman.TeamParameters):
+class EkfCi:
     """EKF on own readings, covariance intersection on received beliefs.
 
     Parameters:
@@ -42,15 +43,25 @@ class EkfCi(kalman.TeamParameters):
             without bound; over the whole "state", the trace adds m^2 to rad^2.
     """
 
+    api: ClassVar[int] = 1
     sends: ClassVar[str] = "mean, covariance, sightings"
     consistency: ClassVar[str] = "conservative by construction"
+    anchor_reading: AnchorReading = "doa"
+    gate: float = tunable(kalman.GATE, 2.0, 1000.0, log=True)
+    inflation: float = tunable(1.0, 0.5, 5.0, log=True)
+    engine: kalman.EngineName = "batched"
+    reading: kalman.RadioReading = "range"
     weights: Literal["cvxpy", "exact"] = "exact"
     criterion: Literal["trace", "det"] = tunable("trace", choices=("trace", "det"))
     over: Literal["position", "state"] = tunable("state", choices=("state", "position"))
 
+    uses = property(kalman.team_channels)
     predict = kalman.predict_belief
     correct = kalman.correct_belief
     estimate = kalman.estimate_belief
+
+    def __post_init__(self) -> None:
+        kalman.require_limits(self)
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
         world = kalman.assume(self, world)

@@ -18,7 +18,8 @@ import numpy as np
 
 from cooploc.estimators import ekf_ci, kalman
 from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses, World
-from cooploc.estimators.models import wrap_heading
+from cooploc.estimators.models import AnchorReading, wrap_heading
+from cooploc.estimators.tunable import tunable
 
 
 class State(NamedTuple):
@@ -30,16 +31,24 @@ class State(NamedTuple):
 
 @kalman.explain
 @dataclass(frozen=True)
-class EkfEventCi(kalman.TeamParameters):
+class EkfEventCi:
     """EKF on own readings, covariance intersection on received beliefs, sent only when they have changed enough.
 
     Parameters:
         threshold: the least divergence [nat] from what was sent at which a robot sends again; 0 sends in every tick.
     """
 
+    api: ClassVar[int] = 1
     sends: ClassVar[str] = "as `ekf-ci`, when the belief has changed"
     consistency: ClassVar[str] = "conservative by construction"
+    anchor_reading: AnchorReading = "doa"
+    gate: float = tunable(kalman.GATE, 2.0, 1000.0, log=True)
+    inflation: float = tunable(1.0, 0.5, 5.0, log=True)
+    engine: kalman.EngineName = "batched"
+    reading: kalman.RadioReading = "range"
     threshold: float = 0.1
+
+    uses = property(kalman.team_channels)
 
     def __post_init__(self) -> None:
         kalman.require_limits(self, threshold=(0, np.inf))

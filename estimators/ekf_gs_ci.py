@@ -23,7 +23,8 @@ import numpy as np
 
 from cooploc.estimators import kalman
 from cooploc.estimators.interface import Array, Belief, Indices, Mail, Rows, Senses, World
-from cooploc.estimators.models import fixed_readings, wrap_heading
+from cooploc.estimators.models import AnchorReading, fixed_readings, wrap_heading
+from cooploc.estimators.tunable import tunable
 
 
 class State(NamedTuple):
@@ -37,7 +38,7 @@ class State(NamedTuple):
 
 @kalman.explain
 @dataclass(frozen=True)
-class EkfGsCi(kalman.TeamParameters):
+class EkfGsCi:
     """EKF of the whole team's positions on each robot, covariance intersection of what the robots broadcast.
 
     Parameters:
@@ -46,10 +47,18 @@ class EkfGsCi(kalman.TeamParameters):
         drift: standard deviation [m] per axis of how far a teammate moves in a second; the variance grows with time.
     """
 
+    api: ClassVar[int] = 1
     sends: ClassVar[str] = "mean and covariance of the whole team"
     consistency: ClassVar[str] = "conservative, if `drift` is at least the motion"
+    anchor_reading: AnchorReading = "doa"
+    gate: float = tunable(kalman.GATE, 2.0, 1000.0, log=True)
+    inflation: float = tunable(1.0, 0.5, 5.0, log=True)
+    engine: kalman.EngineName = "batched"
+    reading: kalman.RadioReading = "range"
     weight: float = 0.8
     drift: float = 0.5
+
+    uses = property(kalman.team_channels)
 
     def __post_init__(self) -> None:
         kalman.require_limits(self, weight=(0.01, 1), drift=(0, np.inf))

@@ -14,11 +14,13 @@ from typing import ClassVar
 from cooploc.estimators import kalman
 from cooploc.estimators.interface import Array
 from cooploc.estimators.inverse_covariance_intersection import combine, harmonic_mean
+from cooploc.estimators.models import AnchorReading
+from cooploc.estimators.tunable import tunable
 
 
 @kalman.explain
 @dataclass(frozen=True)
-class EkfHmd(kalman.BroadcastFilter):
+class EkfHmd:
     """EKF on own readings, harmonic mean density of own and received beliefs.
 
     Parameters:
@@ -26,8 +28,24 @@ class EkfHmd(kalman.BroadcastFilter):
             0.8 has three quarters of the error that 0.5 has (`reports/fusion.md`).
     """
 
+    api: ClassVar[int] = 1
+    sends: ClassVar[str] = "mean, covariance, sightings"
     consistency: ClassVar[str] = "no bound is known"
+    anchor_reading: AnchorReading = "doa"
+    gate: float = tunable(kalman.GATE, 2.0, 1000.0, log=True)
+    inflation: float = tunable(1.0, 0.5, 5.0, log=True)
+    engine: kalman.EngineName = "batched"
+    reading: kalman.RadioReading = "range"
+    both: bool = True
     weight: float = 0.5
+
+    uses = property(kalman.team_channels)
+    init = kalman.start_broadcasting
+    predict = kalman.predict_belief
+    correct = kalman.correct_belief
+    send = kalman.broadcast
+    fuse = kalman.fuse_broadcasts
+    estimate = kalman.estimate_belief
 
     def __post_init__(self) -> None:
         kalman.require_limits(self, weight=(0, 1))

@@ -14,11 +14,13 @@ from typing import ClassVar, Literal
 from cooploc.estimators import kalman
 from cooploc.estimators.interface import Array
 from cooploc.estimators.inverse_covariance_intersection import combine, intersection_at_weight, inverse_intersection
+from cooploc.estimators.models import AnchorReading
+from cooploc.estimators.tunable import tunable
 
 
 @kalman.explain
 @dataclass(frozen=True)
-class EkfIci(kalman.BroadcastFilter):
+class EkfIci:
     """EKF on own readings, inverse covariance intersection on received beliefs.
 
     Parameters:
@@ -26,9 +28,25 @@ class EkfIci(kalman.BroadcastFilter):
         weight: of the robot's own belief, between 0 and 1, where it is fixed (`reports/fusion.md`).
     """
 
+    api: ClassVar[int] = 1
+    sends: ClassVar[str] = "mean, covariance, sightings"
     consistency: ClassVar[str] = "a bound where robots share common information alone; else not"
+    anchor_reading: AnchorReading = "doa"
+    gate: float = tunable(kalman.GATE, 2.0, 1000.0, log=True)
+    inflation: float = tunable(1.0, 0.5, 5.0, log=True)
+    engine: kalman.EngineName = "batched"
+    reading: kalman.RadioReading = "range"
+    both: bool = True
     form: Literal["trace", "fixed"] = "trace"
     weight: float = 0.8
+
+    uses = property(kalman.team_channels)
+    init = kalman.start_broadcasting
+    predict = kalman.predict_belief
+    correct = kalman.correct_belief
+    send = kalman.broadcast
+    fuse = kalman.fuse_broadcasts
+    estimate = kalman.estimate_belief
 
     def __post_init__(self) -> None:
         kalman.require_limits(self, weight=(0, 1))

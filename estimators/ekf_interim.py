@@ -26,7 +26,8 @@ from cooploc.estimators.compiled import readable
 from cooploc.estimators.interface import HEADER, Array, Belief, Mail, Mask, Rows, Senses, Traffic, World
 from cooploc.estimators.joint_gaussian import block_diagonal, definite, dense, square
 from cooploc.estimators.joint_kernels import RUNAWAY, master, sight_decoupled
-from cooploc.estimators.models import fixed_readings
+from cooploc.estimators.models import AnchorReading, fixed_readings
+from cooploc.estimators.tunable import tunable
 
 
 class State(NamedTuple):
@@ -41,13 +42,24 @@ class State(NamedTuple):
 
 @kalman.explain
 @dataclass(frozen=True)
-class EkfInterim(kalman.TeamParameters):
+class EkfInterim:
     """Decentralised joint EKF, exact while no message is lost."""
 
+    api: ClassVar[int] = 1
+    bound: ClassVar[bool] = False
     sends: ClassVar[str] = "belief on request, updates to all"
     consistency: ClassVar[str] = "that of `ekf-joint` until the first message is lost"
+    anchor_reading: AnchorReading = "doa"
+    gate: float = tunable(kalman.GATE, 2.0, 1000.0, log=True)
+    inflation: float = tunable(1.0, 0.5, 5.0, log=True)
+    engine: kalman.EngineName = "batched"
+    reading: kalman.RadioReading = "range"
 
+    uses = property(kalman.team_channels)
     estimate = kalman.estimate_belief
+
+    def __post_init__(self) -> None:
+        kalman.require_limits(self)
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
         world = kalman.assume(self, world)

@@ -26,7 +26,16 @@ from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses, Sensor, Traffic, World
 from cooploc.estimators.joint_kernels import LinearReadings, count_refused, distances, join_ranges, sight_joint
 from cooploc.estimators.kalman_kernels import add_directions, add_ranges, add_scalars
-from cooploc.estimators.models import Bearing, Displacement, GradientDoa, Range, Sighting, fixed_readings, wrap_heading
+from cooploc.estimators.models import (
+    AnchorReading,
+    Bearing,
+    Displacement,
+    GradientDoa,
+    Range,
+    Sighting,
+    fixed_readings,
+    wrap_heading,
+)
 from cooploc.estimators.tunable import tunable
 
 FORGET = 0.03  # weight of the latest readings in the average share of refused ones: 23 refused in a row make 0.5
@@ -43,7 +52,7 @@ class State(NamedTuple):
 
 @kalman.explain
 @dataclass(frozen=True)
-class EkfJoint(kalman.TeamParameters):
+class EkfJoint:
     """Centralised EKF over all robots. Plain mode: iterations=1, second_order=False, update="sequential".
 
     Parameters:
@@ -61,9 +70,16 @@ class EkfJoint(kalman.TeamParameters):
 
     """
 
+    api: ClassVar[int] = 1
+    bound: ClassVar[bool] = False
     sends: ClassVar[str] = "every reading"
     consistency: ClassVar[str] = "consistent up to linearisation"
     centralised: ClassVar[bool] = True
+    anchor_reading: AnchorReading = "doa"
+    gate: float = tunable(kalman.GATE, 2.0, 1000.0, log=True)
+    inflation: float = tunable(1.0, 0.5, 5.0, log=True)
+    engine: kalman.EngineName = "batched"
+    reading: kalman.RadioReading = "range"
     sighting: Literal["both", "range", "bearing", "none"] = "both"
     orientation: bool = False
     absent_odometry: Literal["still", "random"] = "still"

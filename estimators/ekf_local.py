@@ -11,19 +11,30 @@ import numpy as np
 from cooploc.estimators import kalman
 from cooploc.estimators.dead_reckoning import State
 from cooploc.estimators.interface import Array, Belief, Mail, Rows, Senses, World
+from cooploc.estimators.models import AnchorReading
+from cooploc.estimators.tunable import tunable
 
 
 @kalman.explain
 @dataclass(frozen=True)
-class EkfLocal(kalman.KalmanParameters):
+class EkfLocal:
     """EKF on odometry and anchors or landmarks; sends nothing."""
 
+    api: ClassVar[int] = 1
     sends: ClassVar[str] = "nothing"
     consistency: ClassVar[str] = "consistent up to linearisation"
+    anchor_reading: AnchorReading = "doa"
+    gate: float = tunable(kalman.GATE, 2.0, 1000.0, log=True)
+    inflation: float = tunable(1.0, 0.5, 5.0, log=True)
+    engine: kalman.EngineName = "batched"
 
+    uses = property(kalman.own_channels)
     predict = kalman.predict_belief
     correct = kalman.correct_belief
     estimate = kalman.estimate_belief
+
+    def __post_init__(self) -> None:
+        kalman.require_limits(self)
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
         return State(prior.x, prior.P, kalman.assume(self, world))

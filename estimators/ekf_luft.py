@@ -20,6 +20,8 @@ import numpy as np
 from cooploc.estimators import kalman
 from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses, Traffic, World
 from cooploc.estimators.joint_kernels import meet, possible
+from cooploc.estimators.models import AnchorReading
+from cooploc.estimators.tunable import tunable
 
 
 class State(NamedTuple):
@@ -33,13 +35,24 @@ class State(NamedTuple):
 
 @kalman.explain
 @dataclass(frozen=True)
-class EkfLuft(kalman.TeamParameters):
+class EkfLuft:
     """Decentralised EKF with pairwise communication and factored cross terms."""
 
+    api: ClassVar[int] = 1
+    bound: ClassVar[bool] = False
     sends: ClassVar[str] = "belief and cross factor, on request"
     consistency: ClassVar[str] = "approximate: correlations with third robots are guessed"
+    anchor_reading: AnchorReading = "doa"
+    gate: float = tunable(kalman.GATE, 2.0, 1000.0, log=True)
+    inflation: float = tunable(1.0, 0.5, 5.0, log=True)
+    engine: kalman.EngineName = "batched"
+    reading: kalman.RadioReading = "range"
 
+    uses = property(kalman.team_channels)
     estimate = kalman.estimate_belief
+
+    def __post_init__(self) -> None:
+        kalman.require_limits(self)
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
         world = kalman.assume(self, world)

@@ -11,14 +11,35 @@ from typing import ClassVar
 
 from cooploc.estimators import kalman
 from cooploc.estimators.interface import Array
+from cooploc.estimators.models import AnchorReading
+from cooploc.estimators.tunable import tunable
 
 
 @kalman.explain
 @dataclass(frozen=True)
-class EkfNaive(kalman.BroadcastFilter):
+class EkfNaive:
     """EKF on own readings and on received beliefs, which it treats as independent."""
 
+    api: ClassVar[int] = 1
+    sends: ClassVar[str] = "mean, covariance, sightings"
     consistency: ClassVar[str] = "over-confident: counts shared beliefs again and again"
+    anchor_reading: AnchorReading = "doa"
+    gate: float = tunable(kalman.GATE, 2.0, 1000.0, log=True)
+    inflation: float = tunable(1.0, 0.5, 5.0, log=True)
+    engine: kalman.EngineName = "batched"
+    reading: kalman.RadioReading = "range"
+    both: bool = True
+
+    uses = property(kalman.team_channels)
+    init = kalman.start_broadcasting
+    predict = kalman.predict_belief
+    correct = kalman.correct_belief
+    send = kalman.broadcast
+    fuse = kalman.fuse_broadcasts
+    estimate = kalman.estimate_belief
+
+    def __post_init__(self) -> None:
+        kalman.require_limits(self)
 
     def combine(self, x: Array, P: Array, y: Array, H: Array, N: Array) -> tuple[Array, Array]:
         """S = H P H' + N: the sender's uncertainty counts as noise, independent of the robot's own."""

@@ -22,7 +22,8 @@ import numpy as np
 
 from cooploc.estimators import joint_kernels, kalman
 from cooploc.estimators.interface import Array, Belief, Indices, Mail, Mask, Rows, Senses, World
-from cooploc.estimators.models import fixed_readings, wrap_heading
+from cooploc.estimators.models import AnchorReading, fixed_readings, wrap_heading
+from cooploc.estimators.tunable import tunable
 
 
 class State(NamedTuple):
@@ -37,7 +38,7 @@ class State(NamedTuple):
 
 @kalman.explain
 @dataclass(frozen=True)
-class EkfSplitCi(kalman.TeamParameters):
+class EkfSplitCi:
     """EKF on own readings, split covariance intersection with received beliefs.
 
     Parameters:
@@ -45,10 +46,21 @@ class EkfSplitCi(kalman.TeamParameters):
             none of it; "conservative", what its sender has never sent before.
     """
 
+    api: ClassVar[int] = 1
     sends: ClassVar[str] = "mean, both covariances, sightings"
     consistency: ClassVar[str] = "between naive and CI; `form=conservative` is conservative"
+    anchor_reading: AnchorReading = "doa"
+    gate: float = tunable(kalman.GATE, 2.0, 1000.0, log=True)
+    inflation: float = tunable(1.0, 0.5, 5.0, log=True)
+    engine: kalman.EngineName = "batched"
+    reading: kalman.RadioReading = "range"
     form: Literal["literal", "received", "conservative"] = "received"
     both: bool = True
+
+    uses = property(kalman.team_channels)
+
+    def __post_init__(self) -> None:
+        kalman.require_limits(self)
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
         world = kalman.assume(self, world)

@@ -21,7 +21,8 @@ from cooploc.estimators import joint_gaussian as joint
 from cooploc.estimators import kalman
 from cooploc.estimators.interface import Array, Belief, Mail, Rows, Senses, Traffic, World
 from cooploc.estimators.joint_kernels import LinearReadings, distances
-from cooploc.estimators.models import fixed_readings, wrap_heading
+from cooploc.estimators.models import AnchorReading, fixed_readings, wrap_heading
+from cooploc.estimators.tunable import tunable
 
 
 class State(NamedTuple):
@@ -34,12 +35,24 @@ class State(NamedTuple):
 
 @kalman.explain
 @dataclass(frozen=True)
-class IekfJoint(kalman.TeamParameters):
+class IekfJoint:
     """Centralised invariant EKF over all robots."""
 
+    api: ClassVar[int] = 1
+    bound: ClassVar[bool] = False
     sends: ClassVar[str] = "every reading"
     consistency: ClassVar[str] = "consistent up to linearisation; learns no common heading from teammates"
     centralised: ClassVar[bool] = True
+    anchor_reading: AnchorReading = "doa"
+    gate: float = tunable(kalman.GATE, 2.0, 1000.0, log=True)
+    inflation: float = tunable(1.0, 0.5, 5.0, log=True)
+    engine: kalman.EngineName = "batched"
+    reading: kalman.RadioReading = "range"
+
+    uses = property(kalman.team_channels)
+
+    def __post_init__(self) -> None:
+        kalman.require_limits(self)
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
         world = kalman.assume(self, world)

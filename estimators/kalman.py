@@ -6,9 +6,9 @@ numpy; `filterpy` runs filterpy's ExtendedKalmanFilter row by row, as a filterpy
 
 import inspect
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from functools import lru_cache
-from typing import Any, ClassVar, Literal, NamedTuple, Self, TypeVar
+from typing import Any, Literal, NamedTuple, Self, TypeVar
 
 import numpy as np
 
@@ -34,7 +34,6 @@ from cooploc.estimators.models import (
     LEAST,
     MOST,
     RAW,
-    AnchorReading,
     LogDistance,
     Orientation,
     Range,
@@ -45,7 +44,6 @@ from cooploc.estimators.models import (
     inflate,
     wrap_heading,
 )
-from cooploc.estimators.tunable import tunable
 
 EngineName = Literal["batched", "filterpy"]
 RadioReading = Literal["rssi", "range", "any"]
@@ -103,32 +101,6 @@ def assume(p: Any, world: World) -> World:
     if p.anchor_reading not in (*RAW, "none") and "anchor_rssi" in world.sensors:
         gradient_doa(world)
     return inflate(world, p.inflation)
-
-
-@dataclass(frozen=True)
-class KalmanParameters:
-    """The parameters of a robot's own EKF; a filter adds those of its method."""
-
-    api: ClassVar[int] = 1
-    bound: ClassVar[bool] = False
-    anchor_reading: AnchorReading = "doa"
-    gate: float = tunable(GATE, 2.0, 1000.0, log=True)
-    inflation: float = tunable(1.0, 0.5, 5.0, log=True)
-    engine: EngineName = "batched"
-
-    uses = property(own_channels)
-
-    def __post_init__(self) -> None:
-        require_limits(self)
-
-
-@dataclass(frozen=True)
-class TeamParameters(KalmanParameters):
-    """The same, of a filter that uses readings of teammates."""
-
-    reading: RadioReading = "range"
-
-    uses = property(team_channels)
 
 
 # The Kalman predict and update of many rows at once.
@@ -475,40 +447,30 @@ class BroadcastState(NamedTuple):
     world: World
 
 
-@dataclass(frozen=True)
-class BroadcastFilter(TeamParameters):
-    """The steps of the EKFs that broadcast one belief a tick; they differ in `combine` alone.
+# The steps of the EKFs that broadcast one belief a tick; they differ in `combine` alone. Sent: x and the triangle of P
+# (5 numbers, with a heading 9) and, with a camera, range and bearing of every teammate in sight; 8 bytes each. A robot
+# that was sighted uses that reading, too (`both`).
 
-    Sent: x and the triangle of P (5 numbers, with a heading 9) and, with a camera, range and bearing of every teammate
-    in sight; 8 bytes each. A robot that was sighted uses that reading, too (`both`).
+
+def start_broadcasting(p: Any, prior: Belief, world: World, rows: Rows) -> BroadcastState:
+    """Return the prior as the first belief."""
+    return BroadcastState(prior.x, prior.P, rows.robot, assume(p, world))
+
+
+def broadcast(p: Any, s: BroadcastState, z: Senses) -> Array:
+    """Return the belief before this tick's fusion, and the sightings, as packets (r, m)."""
+    return Message(s.x, (s.P,), z.sighting if p.both else z.sighting[:, :0]).pack()
+
+
+def fuse_broadcasts(p: Any, s: BroadcastState, z: Senses, mail: Mail) -> BroadcastState:
+    """Combine one reading after the other, each linearised at the belief that the last one left.
+
+    `p.combine(x, P, y, H, N)` returns x', P' by innovations y (r, k) with H (r, k, d) and N = H_j P_j H_j' + R; rows
+    with a nan come back bit-identical.
     """
-
-    sends: ClassVar[str] = "mean, covariance, sightings"
-    both: bool = True
-
-    predict = predict_belief
-    correct = correct_belief
-    estimate = estimate_belief
-
-    def init(self, prior: Belief, world: World, rows: Rows) -> BroadcastState:
-        return BroadcastState(prior.x, prior.P, rows.robot, assume(self, world))
-
-    def send(self, s: BroadcastState, z: Senses) -> Array:
-        """Return the belief before this tick's fusion, and the sightings, as packets (r, m)."""
-        return Message(s.x, (s.P,), z.sighting if self.both else z.sighting[:, :0]).pack()
-
-    def fuse(self, s: BroadcastState, z: Senses, mail: Mail) -> BroadcastState:
-        """Combine one reading after the other, each linearised at the belief that the last one left."""
-        x, P = s.x, s.P
-        sent = Message.unpack(mail.packets, x.shape[-1])
-        for pair in receive(s.world, z, mail, sent.sightings, s.robot):
-            y, H, H_j = pair.linearise(x, sent.x[:, pair.sender])
-            x, P = self.combine(x, P, y, H, H_j @ sent.P[0][:, pair.sender] @ H_j.mT + pair.sensor.R)
-        return s._replace(x=x, P=P)
-
-    def combine(self, x: Array, P: Array, y: Array, H: Array, N: Array) -> tuple[Array, Array]:
-        """Return x', P' by a reading with innovation y (r, k), own Jacobian H (r, k, d), N = H_j P_j H_j' + R.
-
-        Rows with a nan come back bit-identical.
-        """
-        raise NotImplementedError
+    x, P = s.x, s.P
+    sent = Message.unpack(mail.packets, x.shape[-1])
+    for pair in receive(s.world, z, mail, sent.sightings, s.robot):
+        y, H, H_j = pair.linearise(x, sent.x[:, pair.sender])
+        x, P = p.combine(x, P, y, H, H_j @ sent.P[0][:, pair.sender] @ H_j.mT + pair.sensor.R)
+    return s._replace(x=x, P=P)

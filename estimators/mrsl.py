@@ -12,11 +12,12 @@ from typing import ClassVar, Literal
 from cooploc.estimators import particles as shared
 from cooploc.estimators.interface import Array, Belief, Mail, Rows, Senses, World
 from cooploc.estimators.particle_likelihood import ReceivedPackets, pack
+from cooploc.estimators.tunable import tunable
 
 
 @shared.explain
 @dataclass(frozen=True)
-class Mrsl(shared.ParticleParameters):
+class Mrsl:
     """Particle filter on own readings, Bayes product with received beliefs.
 
     Args:
@@ -28,14 +29,31 @@ class Mrsl(shared.ParticleParameters):
 
     """
 
+    api: ClassVar[int] = 1
     sends: ClassVar[str] = "mean and covariance"
     consistency: ClassVar[str] = "over-confident: counts shared beliefs again and again"
+    particles: int = 200
+    anchor_reading: Literal["doa", "gradient", "rssi", "none"] = "doa"
+    density: Literal["constant", "exact"] = tunable("constant", choices=("constant", "exact"), where=shared.DOA)
+    residual: Literal["wrapped", "sum", "corners", "code"] = "wrapped"
+    M: int = tunable(5, 1, 10, where=shared.DOA)
+    K: int = tunable(5, 1, 10, where=shared.DOA)
+    decay: float = tunable(0.99, 0.5, 1.0, where=shared.DOA)
+    temper: bool = tunable(True, choices=(True, False), where=shared.DOA)
+    point: Literal["mean", "max"] = "mean"
+    proposal: Literal["walk", "box", "best"] = "walk"
+    box: float = 0.5  # [m]
+    inflation: float = tunable(1.0, 0.5, 5.0, log=True)
+    precision: Literal["double", "single"] = "double"
     reading: shared.RadioReading = "rssi"
     neighbours: Literal["integrate", "exact"] = "integrate"
     neighbour_samples: Literal["one", "M"] = "one"
 
     correct = shared.correct
     estimate = shared.estimate
+
+    def __post_init__(self) -> None:
+        shared.require_limits(self)
 
     @property
     def uses(self) -> tuple[str, ...]:

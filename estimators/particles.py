@@ -8,8 +8,7 @@ Source: J. Liu, M. West, "Combined parameter and state estimation in simulation-
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any, ClassVar, Literal, NamedTuple, TypeVar
+from typing import Any, Literal, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -32,7 +31,6 @@ from cooploc.estimators.models import (
 )
 from cooploc.estimators.particle_kernels import BANDWIDTH, advance_rows, conclude_rows, systematic
 from cooploc.estimators.particle_likelihood import Fixed, ReceivedPackets, log_density, planes, teammates
-from cooploc.estimators.tunable import tunable
 
 
 def sample_prior(prior: Belief, key: Keys, n: int) -> Array:
@@ -286,29 +284,6 @@ def team_channels(p: Any) -> tuple[str, ...]:
     """Return the channels in any world where teammates meet, in order of preference."""
     own = ("anchor_rssi|landmark" if channel == "anchor_rssi" else channel for channel in own_channels(p))
     return (*own, f"sighting|radio_{p.reading}")
-
-
-@dataclass(frozen=True)
-class ParticleParameters:
-    """The parameters of a robot's own particle filter; an estimator adds those of its method."""
-
-    api: ClassVar[int] = 1
-    particles: int = 200
-    anchor_reading: Literal["doa", "gradient", "rssi", "none"] = "doa"
-    density: Literal["constant", "exact"] = tunable("constant", choices=("constant", "exact"), where=DOA)
-    residual: Literal["wrapped", "sum", "corners", "code"] = "wrapped"
-    M: int = tunable(5, 1, 10, where=DOA)
-    K: int = tunable(5, 1, 10, where=DOA)
-    decay: float = tunable(0.99, 0.5, 1.0, where=DOA)
-    temper: bool = tunable(True, choices=(True, False), where=DOA)
-    point: Literal["mean", "max"] = "mean"
-    proposal: Literal["walk", "box", "best"] = "walk"
-    box: float = 0.5  # [m]
-    inflation: float = tunable(1.0, 0.5, 5.0, log=True)
-    precision: Literal["double", "single"] = "double"
-
-    def __post_init__(self) -> None:
-        require_limits(self)
 
 
 def power(p: Any) -> float:

@@ -25,6 +25,7 @@ from cooploc.estimators.mixtures import Mixture, clusters
 from cooploc.estimators.models import LogDistance, Range, Sighting
 from cooploc.estimators.particle_kernels import systematic
 from cooploc.estimators.particles import poor, resample, scatter, summary, weights
+from cooploc.estimators.tunable import tunable
 
 TINY = 1e-300  # a weight that is 0 to all others
 FAR = 1e3  # sides of the arena: a broken reading may draw places beyond
@@ -33,7 +34,7 @@ KNOWN = LogDistance, Range, Sighting
 
 @shared.explain
 @dataclass(frozen=True)
-class ReciprocalPf(shared.ParticleParameters):
+class ReciprocalPf:
     """Particle filter on own readings; clusters of particles are exchanged, and particles drawn from detections.
 
     Args:
@@ -44,8 +45,22 @@ class ReciprocalPf(shared.ParticleParameters):
 
     """
 
+    api: ClassVar[int] = 1
     sends: ClassVar[str] = "particles as clusters"
     consistency: ClassVar[str] = "no guarantee: repeated counting narrows it, draws widen it"
+    particles: int = 200
+    anchor_reading: Literal["doa", "gradient", "rssi", "none"] = "doa"
+    density: Literal["constant", "exact"] = tunable("constant", choices=("constant", "exact"), where=shared.DOA)
+    residual: Literal["wrapped", "sum", "corners", "code"] = "wrapped"
+    M: int = tunable(5, 1, 10, where=shared.DOA)
+    K: int = tunable(5, 1, 10, where=shared.DOA)
+    decay: float = tunable(0.99, 0.5, 1.0, where=shared.DOA)
+    temper: bool = tunable(True, choices=(True, False), where=shared.DOA)
+    point: Literal["mean", "max"] = "mean"
+    proposal: Literal["walk", "box", "best"] = "walk"
+    box: float = 0.5  # [m]
+    inflation: float = tunable(1.0, 0.5, 5.0, log=True)
+    precision: Literal["double", "single"] = "double"
     reading: shared.RadioReading = "range"
     alpha: float = 0.06
     clusters: int = 4

@@ -17,7 +17,16 @@ import numpy as np
 from cooploc.estimators import kalman
 from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses, Sensor, Traffic, World
 from cooploc.estimators.joint_gaussian import block_diagonal, definite, square
-from cooploc.estimators.models import Bearing, GradientDoa, Sighting, WeightedDoa, fixed_readings, wrap, wrap_heading
+from cooploc.estimators.models import (
+    AnchorReading,
+    Bearing,
+    GradientDoa,
+    Sighting,
+    WeightedDoa,
+    fixed_readings,
+    wrap,
+    wrap_heading,
+)
 from cooploc.estimators.tunable import tunable
 
 Points = Callable[[Array, slice], Array]  # moves sigma points (t, s, .., d) of these trials, or reads a sensor there
@@ -33,7 +42,7 @@ class State(NamedTuple):
 
 @kalman.explain
 @dataclass(frozen=True)
-class UkfJoint(kalman.TeamParameters):
+class UkfJoint:
     """Centralised UKF over all robots.
 
     Parameters:
@@ -41,12 +50,21 @@ class UkfJoint(kalman.TeamParameters):
         beta: extra weight of the middle point in the covariance (no unit); 2 suits a Gaussian.
     """
 
+    api: ClassVar[int] = 1
+    bound: ClassVar[bool] = False
     sends: ClassVar[str] = "every reading"
     consistency: ClassVar[str] = "consistent up to the unscented transform"
     centralised: ClassVar[bool] = True
     axes: ClassVar[str] = "its sigma points lie along the axes of a Cholesky factor"
+    anchor_reading: AnchorReading = "doa"
+    gate: float = tunable(kalman.GATE, 2.0, 1000.0, log=True)
+    inflation: float = tunable(1.0, 0.5, 5.0, log=True)
+    engine: kalman.EngineName = "batched"
+    reading: kalman.RadioReading = "range"
     alpha: float = tunable(0.1, 0.001, 1.0, log=True)
     beta: float = tunable(2.0, 0.0, 4.0)
+
+    uses = property(kalman.team_channels)
 
     def __post_init__(self) -> None:
         kalman.require_limits(self, alpha=(1e-6, 10), beta=(0, 10))
