@@ -22,11 +22,11 @@ FOLDER = Path(__file__).resolve().parent / "readings"
 TIMED = "cost", "time"  # kinds of claims that need the times of a quiet machine, in many parts
 MAP = (
     "claim", "says", "supported", "specifications", "implausible", "direction only", "contradicted", "undecided",
-    "letter", "code", "preset",
+    *multiverse.AFTER_HOLM.values(), "letter", "code", "preset",
 )  # fmt: skip
 NUMBERS = (
     "claim", "scenario", "of", "than", "definition", "value", "low", "high", "trials",
-    "verdict", "letter", "preset", "code", "error", "baseline", "dead_reckoning", "implausible",
+    "verdict", "letter", "preset", "code", "error", "baseline", "dead_reckoning", "stands", "implausible",
 )  # fmt: skip
 
 

@@ -1,7 +1,8 @@
 """A ledger judged over the interpretations that its paper allows: for every claim a map of verdicts instead of one.
 
-A *specification* of a claim is one of its cases (estimators, scenario, definition of the size) in one interpretation.
-Interpretations that differ only in what does not touch the case are one specification, counted once.
+A *specification* of a claim is one of its cases (estimators, scenario) in one interpretation, judged by the first
+definition of its size. Interpretations that differ only in what does not touch the case are one specification; so are
+cases with the same numbers to the last bit, such as signal strengths in worlds that differ in their ranges alone.
 
 Sources: U. Simonsohn, J. Simmons, L. Nelson, "Specification curve analysis", Nature Human Behaviour 4, 2020;
 S. Steegen et al., "Increasing transparency through a multiverse analysis", 2016.
@@ -15,10 +16,11 @@ import pandas as pd
 
 from cooploc.analysis.claims import interpretations
 from cooploc.analysis.claims.interpretations import Dimensions, Interpretation
-from cooploc.analysis.claims.kinds import Case, cases, definitions
+from cooploc.analysis.claims.kinds import Case, cases
 from cooploc.analysis.claims.ledger import Ledger
 from cooploc.analysis.claims.trial_table import Missing, TrialTable, collect
-from cooploc.analysis.claims.verdicts import COLUMNS, JUDGED, judge_case, tally
+from cooploc.analysis.claims.verdicts import COLUMNS, DECIDED, JUDGED, judge_case, tally
+from cooploc.analysis.metrics import statistics
 from cooploc.analysis.metrics.errors import demand_same_streams
 from cooploc.analysis.metrics.sequential import FIXED, Stopping
 from cooploc.estimators.errors import BadInput
@@ -27,7 +29,8 @@ from cooploc.estimators.registry import parse
 ENDS = ("letter", "preset", "code")  # readings that have a name
 LEVELS = ("error", "baseline", "dead_reckoning")  # RMSE [m]
 ADDED = ("readings", *ENDS, *LEVELS, "implausible")
-OF_LEDGERS = ("variant", "p_holm", "stands", "otherwise", "look")  # columns of verdicts that a map does not have
+AFTER_HOLM = {name: f"{name} after Holm" for name in ("supported", "contradicted")}
+OF_LEDGERS = ("variant", "otherwise", "look")  # columns of verdicts that a map does not have
 SHOWN = [name for name in COLUMNS if name not in OF_LEDGERS] + list(ADDED)
 
 
@@ -48,7 +51,7 @@ def judge(ledger: Ledger, rows: pd.DataFrame, stopping: Stopping = FIXED) -> pd.
     ends = {end: design.index(getattr(interpretations, end)(dimensions)) for end in ENDS}
     out: list[dict[str, Any]] = []
     for claim in ledger.claims:
-        for case in [one._replace(definition=name) for one in cases(claim) for name in definitions(claim)]:
+        for case in cases(claim):
             for read, (choices, numbers) in specifications(case, design, dimensions).items():
                 row = judge_case(read, claim, table)
                 if row["verdict"] in JUDGED:
@@ -58,7 +61,11 @@ def judge(ledger: Ledger, rows: pd.DataFrame, stopping: Stopping = FIXED) -> pd.
                     implausible = levels["baseline"] > levels["dead_reckoning"]
                     added = {"readings": len(numbers), **is_end, **levels, "implausible": implausible}
                     out.append({**row, **named, **added, **choices})
-    return pd.DataFrame(out, columns=[*SHOWN, *dimensions])
+    found = pd.DataFrame(out, columns=[*SHOWN, *dimensions])
+    same = found.duplicated(["claim", "of", "than", "value", "low", "high", *dimensions]) & found["value"].notna()
+    found = found[~same].reset_index(drop=True)
+    p_holm = statistics.holm(found["p"].to_numpy(float))
+    return found.assign(p_holm=p_holm, stands=found["verdict"].isin(DECIDED) & (p_holm <= 1 - statistics.LEVEL))
 
 
 def _levels(read: Case, row: dict[str, Any], table: TrialTable) -> dict[str, float]:
@@ -130,6 +137,7 @@ def shares(found: pd.DataFrame) -> pd.DataFrame:
     out = []
     for claim, part in found.groupby("claim", sort=False):
         dimensions, counts = dimensions_of(part), part["verdict"].value_counts()
+        standing = part.loc[part["stands"].eq(True), "verdict"].value_counts()
         out.append(
             {
                 "claim": claim,
@@ -138,13 +146,14 @@ def shares(found: pd.DataFrame) -> pd.DataFrame:
                 "specifications": len(part),
                 "implausible": int(part["implausible"].sum()),
                 **{verdict: int(counts.get(verdict, 0)) for verdict in JUDGED},
+                **{after: int(standing.get(verdict, 0)) for verdict, after in AFTER_HOLM.items()},
                 **{end: tally(part.loc[part[end], "verdict"]) for end in ENDS},
                 "dimensions": ", ".join(dimensions),
                 "sentence": shared_assumptions(part, dimensions),
             }
         )
-    columns = ["claim", "says", "scenarios", "specifications", "implausible", *JUDGED, *ENDS, "dimensions", "sentence"]
-    return pd.DataFrame(out, columns=columns)
+    columns = ["claim", "says", "scenarios", "specifications", "implausible", *JUDGED, *AFTER_HOLM.values()]
+    return pd.DataFrame(out, columns=[*columns, *ENDS, "dimensions", "sentence"])
 
 
 def sentences(found: pd.DataFrame) -> dict[str, str]:

@@ -120,7 +120,10 @@ def over_readings(shares: pd.DataFrame) -> Table:
     """Return the map of a ledger over the readings of its paper, from `multiverse.shares`: one row per claim."""
     columns = (
         text_column("claim"),
-        *(number_column(head, form=count) for head in ("specifications", "implausible", *JUDGED)),
+        *(
+            number_column(head, form=count)
+            for head in ("specifications", "implausible", *JUDGED, *multiverse.AFTER_HOLM.values())
+        ),
         *map(text_column, ("letter", "code", "preset", "scenarios")),
         text_column("choices that matter", "dimensions"),
     )

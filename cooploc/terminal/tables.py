@@ -272,7 +272,7 @@ def show_interpretations(found: pd.DataFrame) -> None:
     for row in counts.to_dict("records"):
         console.print(f" {row['claim']}. {row['says']}: {row['sentence']}.")
     console.print(
-        "A specification is a case (scenario, estimators, definition of the size) in a reading of the paper; what "
+        "A specification is a case (scenario, estimators) in a reading of the paper; what "
         "runs the same counts once. letter: the reading nearest to the words of the paper; code: what public code "
         "of its authors does. implausible: the method compared with is worse than dead reckoning.",
         style="dim",

@@ -85,6 +85,18 @@ def test_equal_specifications_count_once_and_say_which_dimensions_matter():
     assert found["letter"].sum() == found["preset"].sum() == 1
 
 
+def test_cases_with_the_same_numbers_count_once_and_so_do_the_definitions_of_a_size():
+    """Signal strengths are the same in a world whose ranges alone are biased."""
+    once, twice = ledger(size=-0.4), ledger(size=-0.4, scenarios=["nlos", "nlos/bias=0.5"])
+    rows = made(once, better_in_a_box)
+    twins = rows.assign(scenario=rows["scenario"].str.replace("nlos", "nlos/bias=0.5"))
+    alone, both = cl.readings(rows, once), cl.readings(pd.concat([rows, twins], ignore_index=True), twice)
+    pd.testing.assert_frame_equal(alone, both)
+    assert set(both["definition"]) == {"change"}
+    (row,) = multiverse.shares(both).to_dict("records")
+    assert 0 < row["supported after Holm"] == (both["stands"] & (both["verdict"] == "supported")).sum()
+
+
 def test_a_reading_whose_baseline_is_worse_than_dead_reckoning_is_implausible():
     """ARL errs by 1.0 m, in the box by 2.0 m; dead reckoning by 1.5 m."""
 
