@@ -1,7 +1,8 @@
-"""The table of estimators, `cl.estimators()`, and the configurations of each method as published and at its best.
+"""The table of estimators, `cl.estimators()`, and the configurations of a method that have a name.
 
-*As published*: what the paper describes, with the paper's own readings. *At its best*: of the same method and readings,
-the smallest error of those tried in 40 trials of `robots-1-3/n=3` and `packet-drop/drop=0.7`. Others have one, both.
+*Preset*: our reading of its paper, the default. *Letter*: the reading nearest to the seed paper's words; *code*: what
+public code of companion work does (both as in the ledger of its claims). *At its best*: of the same method and
+readings, the smallest error of those tried in 40 trials of `robots-1-3/n=3` and `packet-drop/drop=0.7`.
 """
 
 from dataclasses import replace
@@ -20,8 +21,17 @@ ONCE = "density=exact,M=1,K=1"  # every direction is used once, with its exact d
 HOW = ("engine", "weights")  # parameters of how a result is computed, not of what it is
 
 
+LETTER = "point=max,proposal=box,residual=sum,temper=false"
+CODE = "box=0.1,point=max,proposal=best,residual=code"
+READ = {  # parameters of the methods of the seed paper, to its letter
+    "arl": LETTER,
+    **dict.fromkeys(("mrsl-rssi", "mrsl-distance"), f"{LETTER},neighbours=exact,neighbour_samples=M"),
+    "ctrn": f"{LETTER},fusion=received",
+}
+
+
 class Configurations(NamedTuple):
-    """The labels of a method as published and at its best."""
+    """The labels of a method nearest to the words of its own paper, and at its best."""
 
     published: str
     best: str
@@ -46,14 +56,18 @@ def configurations(name: str) -> Configurations:
 
 @cache
 def standing(label: str) -> str:
-    """Return "as published" or "at its best"; empty for other configurations, and where a method has only one."""
+    """Return "preset", "letter", "code" or "at its best"; empty where it is none, or the method has only one."""
+    name = parse(label)[0]
     try:
-        made = make(label) if parse(label)[0] in KNOWN else None
+        made = make(label) if name in KNOWN else None
     except BadInput:
         made = None
     if made is None:
         return ""
-    for word, other in zip(("as published", "at its best"), map(make, KNOWN[parse(label)[0]]), strict=True):
+    named = {"preset": name, "at its best": KNOWN[name].best}
+    if name in READ:
+        named |= {"letter": f"{name}[{READ[name]}]", "code": f"{name}[{CODE}]"}
+    for word, other in ((word, make(which)) for word, which in named.items()):
         how = {key: getattr(other, key) for key in HOW if hasattr(other, key)}
         if replace(made, **how) == other:
             return word

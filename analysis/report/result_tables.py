@@ -34,7 +34,10 @@ REMARKS = {  # what the words of a remark mean
     "consistency not shown": "the interval of ANEES holds 0.67 or 1.5: more trials decide",
     "centralised": "every reading reaches one computer",
     "bound": "uses all readings; no estimator is better in a simulated world",
-    "as published": "configured as in its paper; at its best: as the audit found it best",
+    "preset": "our reading of its paper",
+    "letter": "the reading nearest to the paper's words",
+    "code": "what public code of the paper's authors does",
+    "at its best": "the best of those tried",
 }
 STOPPED = (
     "decided: by the confidence sequence of the change (better or worse where it excludes 0, tie within 5 %), at that "

@@ -414,7 +414,7 @@ def _row(row: dict[Any, Any]) -> dict[str, Any]:
         about += " (a bound)"
     elif row.get("centralised", False) and not about.startswith("Centralised"):
         about += " (centralised)"
-    for key, word in (("published", "as published"), ("best", "at its best")):
+    for key, word in (("published", "to its letter"), ("best", "at its best")):
         if row.get(key, row["name"]) != row["name"]:
             about += f" {word}: {row[key]}."
     return {**row, "about": about, "takes": takes}

@@ -9,6 +9,7 @@ import cooploc as cl
 from cooploc.analysis.claims import interpretations
 from cooploc.analysis.claims.ledger import load, read
 from cooploc.estimators import make
+from cooploc.estimators.listing import READ, standing
 from cooploc.scenarios.studies import study
 
 DIMENSIONS = load().dimensions
@@ -71,6 +72,13 @@ def test_the_reading_of_public_code_changes_what_the_code_settles_and_stands_onc
     others = [one for one in interpretations.design(DIMENSIONS) if one != code]
     assert only
     assert not any(only & set(one.items()) for one in others)
+
+
+@pytest.mark.parametrize("name", READ)
+@pytest.mark.parametrize("end", ["preset", "letter", "code"])
+def test_tables_name_a_reading_as_the_ledger_has_it(name, end):
+    reading = getattr(interpretations, end)(DIMENSIONS)
+    assert standing(interpretations.estimator(name, reading, DIMENSIONS)) == end
 
 
 def test_a_choice_is_kept_from_methods_and_worlds_that_its_dimension_is_not_about():

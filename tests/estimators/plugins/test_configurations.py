@@ -1,4 +1,4 @@
-"""Which configuration of a method is as published, and which is at its best."""
+"""Which configuration of a method has which name."""
 
 import pytest
 
@@ -17,9 +17,10 @@ def test_every_configuration_can_be_made_and_is_of_its_method():
     ("label", "expected"),
     [
         ("arl[K=1,M=1.0,density=exact]", "at its best"),
-        ("arl[particles=200]", "as published"),  # the default
+        ("arl[particles=200]", "preset"),  # the default
         ("arl[particles=500]", ""),
-        ("ctrn[weights=exact,fusion=received]", "as published"),  # by whichever solver
+        ("ctrn[weights=exact]", "preset"),  # by whichever solver
+        ("ctrn[weights=exact,fusion=received]", ""),
         ("ekf-joint", ""),  # has only one
         ("arl[nothing=1]", ""),
     ],
