@@ -1,16 +1,13 @@
-"""Values of reports/text/readings.md.j2 from a run of the study `readings`: tables, a map, and curves."""
+"""Values of reports/text/readings.md.j2 from a run of the study `readings`: tables and a map."""
 
 from pathlib import Path
 from typing import Any
 
-import matplotlib.pyplot as plt
 import pandas as pd
-from matplotlib.backends.backend_pdf import PdfPages
-from specification_curves import specification_curve
 
 import cooploc as cl
 from cooploc.analysis.claims import multiverse
-from cooploc.analysis.claims.interpretations import Dimensions, design
+from cooploc.analysis.claims.interpretations import design
 from cooploc.analysis.claims.kinds import size_as_change
 from cooploc.analysis.claims.ledger import load
 from cooploc.analysis.claims.verdicts import DECIDED
@@ -39,17 +36,18 @@ def values(runs: Path, out: Path, data: Path) -> dict[str, Any]:
     counted = multiverse.shares(found)
     counted[list(MAP)].to_csv(out / "map.csv", index=False)
     style.save(cl.plot.readings(found), out / "map.svg")
-    draw_curves(found, out / "curves.pdf")
+    p, decided = found["p"].to_numpy(float), found["verdict"].isin(DECIDED)
     return {
         "paper": ledger.paper,
         "readings": len(design(ledger.dimensions)),
         "trials": int(run.rows.groupby("scenario")["trial"].nunique().min()),
-        "choices": _choices(ledger.dimensions),
-        "family": _family(found),
+        "dimensions": ledger.dimensions,
+        "specifications": len(found),
+        "decided": decided.sum(),
+        "stand": (decided & (statistics.holm(p) < 1 - statistics.LEVEL)).sum(),
+        "by_chance": f"{statistics.expected_false(p):.0f}",
         "table": over_readings(counted).markdown().rstrip(),
-        "sentences": "\n".join(
-            f"- **{row['claim']}.** {row['says']}: {row['sentence']}." for row in counted.to_dict("records")
-        ),
+        "counted": counted.to_dict("records"),
     }
 
 
@@ -68,35 +66,3 @@ def stored_readings() -> pd.DataFrame:
     sizes = [size_as_change(claims[one].size, definition) for one, definition in cases]
     says, kind = ([getattr(claims[one], name) for one in table["claim"]] for name in ("says", "kind"))
     return table.assign(says=says, kind=kind, size=sizes)
-
-
-def draw_curves(found: pd.DataFrame, path: Path) -> None:
-    """Draw a curve for each claim, one a page."""
-    with PdfPages(path, metadata={"CreationDate": None}) as pdf:
-        for claim in dict.fromkeys(found["claim"]):
-            figure: Any = specification_curve(found, claim)
-            pdf.savefig(figure)
-            plt.close(figure)
-
-
-def _family(found: pd.DataFrame) -> str:
-    """Say how many specifications are decided, stand as a family, and are expected to be false."""
-    p, decided = found["p"].to_numpy(float), found["verdict"].isin(DECIDED)
-    stand = int((decided & (statistics.holm(p) < 1 - statistics.LEVEL)).sum())
-    return (
-        f"Of {len(found)} specifications {decided.sum()} are decided, each taken alone; {stand} of these stand after "
-        f"Holm's correction over all, and about {statistics.expected_false(p):.0f} are expected to be false."
-    )
-
-
-def _choices(dimensions: Dimensions) -> str:
-    """Return a table of the dimensions, the paper's sentence and the choices; the letter's in bold."""
-    rows = [
-        "| dimension | the paper | choices (**nearest to the letter**, first: our preset, *only in public code*) |",
-        "| --- | --- | --- |",
-    ]
-    for name, one in dimensions.items():
-        marks = {choice: "**" if choice == one.letter else "*" * how.of_code for choice, how in one.choices.items()}
-        named = [f"{mark}{choice}{mark}" for choice, mark in marks.items()]
-        rows.append(f"| {name} | {one.says.replace('|', chr(92) + '|')} | {', '.join(named)} |")
-    return "\n".join(rows)
