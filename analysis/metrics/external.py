@@ -5,6 +5,10 @@ A file is called `trial0-robot2.txt`, or `robot2.txt` where the stream has one t
 quaternion, whose yaw alone counts; one line for each tick, in order. The evo command reads such files; where no heading
 is estimated the quaternion is that of heading 0, so compare translations: `evo_ape tum truth.txt estimate.txt`.
 
+Beside it may lie `trial0-robot2.cov.txt`, the covariances of the same ticks, in the axes of the world: each line is
+`timestamp xx xy yy` [m^2], the upper triangle, or in worlds with a heading h `timestamp xx xy xh yy yh hh` [m^2, m rad,
+rad^2]. Then consistency (ANEES, coverage) is judged, too.
+
 Source: the TUM RGB-D benchmark, J. Sturm et al., IROS 2012.
 """
 
@@ -24,7 +28,7 @@ from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array
 from cooploc.estimators.registry import parse
 from cooploc.scenarios import BUILTIN, simulate
-from cooploc.scenarios.recordings.text_files import read_table
+from cooploc.scenarios.recordings.text_files import TextTable, read_table
 from cooploc.scenarios.runner.run import Run, run
 from cooploc.scenarios.runner.tick import EstimatorError
 from cooploc.scenarios.runner.trace import Trace, require_covariances
@@ -33,6 +37,8 @@ from cooploc.scenarios.stream import Stream, Truth
 
 TRUTH = "truth"  # the folder of true trajectories
 COLUMNS = ("timestamp", "tx", "ty", "tz", "qx", "qy", "qz", "qw")
+COVARIANCES = {2: ("timestamp", "xx", "xy", "yy"), 3: ("timestamp", "xx", "xy", "xh", "yy", "yh", "hh")}  # by d
+COVARIANCE = ".cov.txt"
 FILE = re.compile(r"(?:trial(\d+)-)?robot(\d+)\.txt")
 LATE = 0.01  # of a tick: a stamp that is further from every tick is of another one
 UNIT = 0.01  # a quaternion's length may differ from 1 by so much
@@ -60,7 +66,7 @@ def judge(truth: Truth, stream: Stream, estimates: Estimates, burn_in: int = 0, 
     traces: dict[str, Trace] = {}
     named = read_tum(estimates, stream) if isinstance(estimates, str | Path) else estimates
     for name, given in named.items():
-        trace = given if isinstance(given, Trace) else Trace.of(_read_team(Path(given), stream))
+        trace = given if isinstance(given, Trace) else _read_team(Path(given), stream)
         _require_fit(name, trace, stream)
         traces[name] = replace(trace, offline=True, centralised=True) if offline else trace
     made = Run(stream.scenario, stream.seed, stream.trial, stream.hashes, traces)
@@ -128,7 +134,7 @@ def load_truth(
 def read_tum(folder: str | Path, stream: Stream) -> dict[str, Trace]:
     """Read the trajectories of a folder by name: its own, or one for each of its folders, but for `truth`.
 
-    Covariances, messages, bytes and seconds are not known, and nan.
+    Covariances are nan where no robot has a file of them; messages, bytes and seconds are not known, and nan.
     """
     folder = Path(folder)
     if not folder.is_dir():
@@ -137,7 +143,7 @@ def read_tum(folder: str | Path, stream: Stream) -> dict[str, Trace]:
     found = [folder] if _files(folder) else inside
     if not found:
         raise BadInput(f"{folder} holds no trial0-robot0.txt or robot0.txt, and none of its folders does")
-    return {one.resolve().name: Trace.of(_read_team(one, stream)) for one in found}
+    return {one.resolve().name: _read_team(one, stream) for one in found}
 
 
 def _files(folder: Path) -> dict[tuple[int | None, int], Path]:
@@ -146,8 +152,8 @@ def _files(folder: Path) -> dict[tuple[int | None, int], Path]:
     return {(None if m[1] is None else int(m[1]), int(m[2])): path for m, path in named if m}
 
 
-def _read_team(folder: Path, stream: Stream) -> Array:
-    """Read poses (t, T, n, 2 or 3) of every trial, tick and robot."""
+def _read_team(folder: Path, stream: Stream) -> Trace:
+    """Read poses and covariances of every trial, tick and robot."""
     files, trials = _files(folder), stream.trial.tolist()
     files = {(trials[0] if trial is None else trial, robot): path for (trial, robot), path in files.items()}
     wanted = list(product(trials, range(stream.robots)))
@@ -155,20 +161,45 @@ def _read_team(folder: Path, stream: Stream) -> Array:
         fact = "is of no robot of the stream" if (trial, robot) in files else "is missing"
         has = f"robots 0 to {stream.robots - 1} in trials {trials[0]} to {trials[-1]}"
         raise BadInput(f"{folder}: trial{trial}-robot{robot}.txt {fact}, which has {has}")
-    stacked = np.stack([_read_poses(files[key], stream) for key in wanted])
-    stacked = stacked.reshape(len(trials), stream.robots, len(stream.time), 3)
-    return np.ascontiguousarray(stacked.swapaxes(1, 2)[..., : stream.prior.x.shape[-1]])
+    d = stream.prior.x.shape[-1]
+    x, P = (
+        np.stack([read(files[key], stream) for key in wanted])
+        .reshape(len(trials), stream.robots, len(stream.time), *shape)
+        .swapaxes(1, 2)
+        for read, shape in ((_read_poses, (3,)), (_read_covariances, (d, d)))
+    )
+    unknown = np.isnan(P).all((1, 3, 4))
+    for i, robot in np.argwhere(unknown) if not unknown.all() else ():
+        name = f"trial{trials[i]}-robot{robot}{COVARIANCE}"
+        raise BadInput(f"{folder}: {name} is missing, and others are there: add it, or remove them")
+    return Trace.of(np.ascontiguousarray(x[..., :d]), np.ascontiguousarray(P))
 
 
-def _read_poses(path: Path, stream: Stream) -> Array:
-    """Read positions [m] and headings [rad] (T, 3); refuse stamps that are not those of the ticks, one line each."""
-    table, time = read_table(path, COLUMNS, strict=True), stream.time
-    stamps, q = table.values[:, 0], table.values[:, 4:]
+def _read_ticks(path: Path, columns: tuple[str, ...], stream: Stream) -> TextTable:
+    """Read a line for each tick; refuse stamps that are not those of the ticks, one line each."""
+    table, time = read_table(path, columns, strict=True), stream.time
+    stamps = table.values[:, 0]
     if len(stamps) != len(time):
         raise BadInput(f"{path} has {len(stamps)} lines, and the stream {len(time)} ticks: write one line for each")
     for row in np.flatnonzero(np.abs(stamps - time) > LATE * stream.world.tick).tolist():
         end = f"its stamp is {stamps[row]:.10g} s, and tick {row} ends at {time[row]:.10g} s"
         raise BadInput(f"{table.at(row)}: {end}: write the stamps of stream.time")
+    return table
+
+
+def _read_covariances(pose: Path, stream: Stream) -> Array:
+    """Read the covariances (T, d, d) beside a file of poses; nan where there is no file."""
+    path, d = pose.with_name(pose.name.removesuffix(".txt") + COVARIANCE), stream.prior.x.shape[-1]
+    P, (row, column) = np.full((len(stream.time), d, d), np.nan), np.triu_indices(d)
+    if path.exists():
+        P[:, row, column] = P[:, column, row] = _read_ticks(path, COVARIANCES[d], stream).values[:, 1:]
+    return P
+
+
+def _read_poses(path: Path, stream: Stream) -> Array:
+    """Read positions [m] and headings [rad] (T, 3)."""
+    table = _read_ticks(path, COLUMNS, stream)
+    q = table.values[:, 4:]
     for row in np.flatnonzero(np.abs(np.linalg.norm(q, axis=1) - 1) > UNIT).tolist():
         raise BadInput(f"{table.at(row)}: qx qy qz qw is not a unit quaternion; heading 0 is 0 0 0 1")
     x, y, z, w = q.T
@@ -177,6 +208,8 @@ def _read_poses(path: Path, stream: Stream) -> Array:
 
 def to_tum(truth: Truth, run: Run, folder: str | Path, time: Array | None = None) -> list[Path]:
     """Write `ESTIMATOR/trial0-robot0.txt` for each trial, robot and estimator, and `truth/trial0-robot0.txt`.
+
+    Beside an estimator's file stands one of its covariances, `trial0-robot0.cov.txt`.
 
     Characters unfit for a file name become "_". Ticks without truth are left out of the truth's file. `time` (T,) is
     that of the ticks [s], such as `stream.time`; without it their number, from 1. Return the files, the truth's first.
@@ -192,10 +225,11 @@ def to_tum(truth: Truth, run: Run, folder: str | Path, time: Array | None = None
             names[estimator] = f"{name}_"
     if len({name.lower() for name in names.values()}) < len(names):
         raise BadInput(f"two of {', '.join(names)} would share a folder: rename one in cl.run")
-    teams = [(TRUTH, truth.x, truth.valid)]
-    teams += [(names[each], trace.x, np.ones_like(truth.valid)) for each, trace in run.traces.items()]
+    none = np.full((*truth.x.shape, truth.x.shape[-1]), np.nan)
+    teams = [(TRUTH, truth.x, none, truth.valid)]
+    teams += [(names[each], trace.x, trace.P, np.ones_like(truth.valid)) for each, trace in run.traces.items()]
     files = []
-    for name, x, known in teams:
+    for name, x, P, known in teams:
         (Path(folder) / name).mkdir(parents=True, exist_ok=True)
         for (i, trial), robot in product(enumerate(run.trial), range(x.shape[2])):
             there = known[i, :, robot]
@@ -204,4 +238,8 @@ def to_tum(truth: Truth, run: Run, folder: str | Path, time: Array | None = None
             columns = stamps[there], pose[:, 0], pose[:, 1], zero, zero, zero, np.sin(half), np.cos(half)
             files.append(Path(folder) / name / f"trial{trial}-robot{robot}.txt")
             np.savetxt(files[-1], np.column_stack(columns), fmt="%.9f")
+            if np.isfinite(P[i, :, robot]).all():
+                triangle = P[i, :, robot][(slice(None), *np.triu_indices(P.shape[-1]))]
+                beside = files[-1].with_name(files[-1].stem + COVARIANCE)
+                np.savetxt(beside, np.column_stack([stamps, triangle]), fmt=["%.9f", *["%.17g"] * triangle.shape[1]])
     return files

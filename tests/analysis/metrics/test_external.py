@@ -40,21 +40,27 @@ def test_a_tum_file_holds_stamps_positions_and_headings_and_is_read_again(ours, 
     np.testing.assert_allclose(read_tum(written, stream)["ekf-local"].x, run.traces["ekf-local"].x, atol=1e-8)
 
 
-def test_files_of_our_own_trajectories_have_our_errors_and_neither_consistency_nor_cost(ours, written):
+def test_files_of_our_own_trajectories_and_covariances_have_our_errors_and_consistency(ours, written):
     truth, stream, run = ours
     theirs, mine = cl.judge(truth, stream, written), cl.errors(truth, run)
     both = theirs.merge(mine, on=["estimator", "trial", "robot"], suffixes=("", "_mine"))
     assert len(both) == len(mine) == 24
     for column in ("mse", "max_error", "final_error", "ticks"):
         np.testing.assert_allclose(both[column], both[f"{column}_mine"], rtol=1e-6)
-    assert theirs[["anees", "nll", "area95", "coverage95", "seconds", "bytes"]].isna().all(axis=None)
+    for column in ("anees", "nll", "area95", "coverage95"):
+        np.testing.assert_allclose(both[column], both[f"{column}_mine"], rtol=1e-5, atol=1e-6)
+    assert theirs[["seconds", "bytes"]].isna().all(axis=None)
     assert set(theirs["certificate"]) == {ELSEWHERE}
-    assert set(cl.compare(theirs, "dead-reckoning")["consistency"]) == {"not assessed"}
+    for file in written.glob("*/*.cov.txt"):
+        file.unlink()
+    without = cl.judge(truth, stream, written)
+    assert without[["anees", "nll", "area95", "coverage95"]].isna().all(axis=None)
+    assert set(cl.compare(without, "dead-reckoning")["consistency"]) == {"not assessed"}
 
 
-def edit(change):
+def edit(change, kind=""):
     def damage(folder):
-        file = folder / "ekf-local" / "trial2-robot1.txt"
+        file = folder / "ekf-local" / f"trial2-robot1{kind}.txt"
         file.write_text("".join(f"{line}\n" for line in change(file.read_text().splitlines())))
 
     return damage
@@ -73,6 +79,9 @@ def word(line, column, value):
         (lambda f: (f / "ekf-local" / "trial2-robot2.txt").write_text(""), "robot2.txt is of no robot of the stream"),
         (shutil.rmtree, "there is no folder"),
         (lambda f: [shutil.rmtree(one) for one in f.iterdir()], r"holds no trial0-robot0\.txt"),
+        (lambda f: (f / "ekf-local" / "trial2-robot1.cov.txt").unlink(), r"trial2-robot1\.cov\.txt is missing"),
+        (edit(lambda lines: [word(one, 1, "-1") for one in lines], ".cov"), "negative variance in .*, trial 2, tick 0"),
+        (edit(lambda lines: [" ".join(one.split()[:4]) for one in lines], ".cov"), "line 1: 4 columns, not 7"),
         (edit(lambda lines: lines[:-1]), "has 5 lines, and the stream 6 ticks"),
         (edit(lambda lines: [*lines[:3], *lines[4:], lines[3]]), "line 4: its stamp is"),
         (edit(lambda lines: [*lines[:2], word(lines[2], 1, "nan"), *lines[3:]]), "line 3: tx is 'nan'"),
