@@ -24,7 +24,7 @@ import pandas as pd
 import study_numbers
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, TemplateError
 
-from cooploc.analysis.formats import join_words
+from cooploc.analysis import formats
 from cooploc.estimators.errors import BadInput
 
 REPORTS = Path(__file__).resolve().parent
@@ -63,7 +63,8 @@ def render(name: str, runs: str | Path, out: str | Path = "page.md", data: str =
         tuned=cache(lambda study: study_numbers.order_when_tuned(runs / study)),
         decided_by_more_trials=lambda study: study_numbers.decided_by_more_trials(runs / study),
         require=partial(require, draft=draft),
-        join_words=join_words,
+        form=formats,
+        **{name: getattr(formats, name) for name in ("count_of", "interval", "join_words")},
     )
     texts.filters.update(tex=escape_tex)
     values = import_module(name.replace("-", "_")).values(runs, out.parent, Path(data)) if name in MODULES else {}

@@ -121,8 +121,14 @@ def test_a_page_of_a_module_is_written_with_its_sentences_and_its_figures(script
         study = f'trials = 6\nscenarios = [{scenarios}]\nestimators = ["arl", "ekf-local"]\n'
         (tmp_path / f"{name}.toml").write_text(study)
         cl.run_study(tmp_path / f"{name}.toml", out=tmp_path / name)
-    found = importlib.import_module("information").values(tmp_path, tmp_path, tmp_path)
-    assert "By paired intervals, " in found["sensitivity"]["sentences"]
-    assert (found["trials"], found["seed"]) == (6, 1)
+    cl.run_study("sightings", trials=2, out=tmp_path / "sightings")
+    text = scripts["page"].render("information", tmp_path, tmp_path / "page.md", draft=True)
+    for words in (
+        "- **2 robots with the direction of arrival.**",
+        "Alone they err by",
+        "By paired intervals, ",
+        "6 trials, seed 1",
+    ):
+        assert words in text
     for name in worlds:
         assert "</svg>" in (tmp_path / f"{name}.svg").read_text("utf-8")
