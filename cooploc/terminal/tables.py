@@ -443,7 +443,7 @@ def show_inspection(found: Any, files: Sequence[Path]) -> None:
         say(f"tried: {text}")
     if inspected.trial.problem:
         say(f"tried, and it does not run: {inspected.trial.problem}")
-        say(f"next: correct {files[-1].parent / 'log.toml'}, then cooploc inspect {inspected.path}")
+        say(f"next: correct {files[-1].parent / 'log.toml'}, then cooploc inspect {files[-1].parent}")
     else:
         say(f"next: look at both, then cooploc run log --data {files[-1].parent}")
 

@@ -93,7 +93,7 @@ class CheckedLog:
 def check_recording(log: TeamLog) -> CheckedLog:
     """Find everything odd about a recording, in an order in which no fault hides the next."""
     c = CheckedLog(log)
-    for warning in log.warnings:  # such as a last line that was cut off
+    for warning in dict.fromkeys(log.warnings):  # such as a last line that was cut off
         c.add("dropped", None, "", warning, "sure", "nothing: it is left out")
 
     def check_robots(*checks: Callable[[CheckedLog, int], None]) -> None:
@@ -141,7 +141,8 @@ def check_gaps(c: CheckedLog) -> None:
         intervals = np.diff(s.time)
         usual = float(np.median(intervals)) if len(s.time) >= 10 else np.inf
         if count := int((intervals > max(GAP * usual, 1.0)).sum()):
-            fact = f"{count} gaps, the longest {intervals.max():.3g} s; the usual interval is {usual:.3g} s"
+            gaps = f"{count} gap{'s' * (count > 1)}, the longest"
+            fact = f"{gaps} {intervals.max():.3g} s; the usual interval is {usual:.3g} s"
             c.add("gap", i, s.source, fact, "sure", "max_gap in [sample] is the longest gap that is bridged", table)
 
 
@@ -398,7 +399,7 @@ def check_stale(c: CheckedLog, i: int) -> None:
 
 
 def check_jumps(c: CheckedLog, i: int) -> None:
-    """Find positions between a step away and the step back, at most a second later; of a step alone, the next one."""
+    """Find positions between a step away and the step back, at most a second later; who does not return has moved."""
     truth = known_truth(c.log, i)
     if truth is None:
         return
@@ -407,14 +408,14 @@ def check_jumps(c: CheckedLog, i: int) -> None:
     usual, longest = float(np.quantile(speed, 0.9)), max(1.0, 3 * float(np.median(np.diff(t))))
     away, jumps = -1, set[int]()  # the row before the last step that has no step back yet
     for step in np.flatnonzero((apart > JUMP) & (speed > FAST * max(usual, 0.05))).tolist():
-        if away >= 0 and t[step] - t[away] <= longest:
+        if away < 0 or t[step] - t[away] > longest:
+            away = step
+        elif np.hypot(*(truth.values[step + 1, :2] - truth.values[away, :2])) < apart[away] / 2:
             jumps |= {*range(away + 1, step + 1)}
             away = -1
-        else:
-            jumps.add(step + 1)
-            away = step
     if jumps:
-        fact = f"{len(jumps)} positions jump away and back; the first {t[min(jumps)] - t[0]:.1f} s after the start"
+        plural = "s jump" if len(jumps) > 1 else " jumps"
+        fact = f"{len(jumps)} position{plural} away and back; the first {t[min(jumps)] - t[0]:.1f} s after the start"
         c.add("jump", i, truth.source, fact, "sure", f"max_speed = {max(2 * usual, 0.5):.2g}", "truth")
         kept = np.setdiff1d(np.arange(len(t)), [*jumps])
         c.correct("truth", i, truth._replace(time=t[kept], values=truth.values[kept]))

@@ -16,6 +16,7 @@ import numpy as np
 
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array
+from cooploc.scenarios.recordings.inspect.checks import Finding
 from cooploc.scenarios.recordings.inspect.draft_toml import Draft, DraftTable, Entry
 from cooploc.scenarios.recordings.schema import COLUMNS, UNITS
 from cooploc.scenarios.recordings.text_files import fields_of, parse_field, parse_number, read_text
@@ -382,19 +383,25 @@ def _draft_run(folder: Path, data: Path) -> tuple[Draft, tuple[str, ...]]:
     if not files:
         none = f"{folder}: there is no CSV file, bag, PyFG file or MRCLAM text in it; name another directory"
         raise BadInput(next((line for line in unused if line.startswith(str(data))), none))
-    delimiter, why = files[0].delimiter, "their names in the names of the files, or in a column"
+    delimiter = files[0].delimiter
     entries = [Entry("format", "csv", f"{len(files)} text files with columns")]
-    runs = folder == data and _are_runs_of_one_robot(files)
-    if runs:
-        why = f"{len(files)} files of the same columns, one after the other in time: runs of one robot"
-        files = files[:1]
+    runs, why = _are_runs_of_one_robot(files)
+    runs &= folder == data
+    doubts: tuple[Finding, ...] = ()
+    if not why and folder == data:
+        fact = (
+            f"{len(files)} files of the same columns, with stamps in common, may be of one robot each, or runs of one"
+        )
+        setting = f'for runs: robots = ["robot"], and file = "{{run}}{Path(files[0].name).suffix}" in every table'
+        doubts = (Finding("robots", "", "", fact, "perhaps", setting),)
+    files = files[:1] if runs else files
     parts = _merge_parts([part for file in files for part in _parts(file)], unused)
     for needed in ("odometry", "truth"):
         if needed not in {part.table for part in parts}:
             unread = next((line for line in unused if line.startswith(str(data))), "")
             raise BadInput(unread or f"{folder}: no file has columns that look like {needed}; {REMEDY}")
     robots = ("robot",) if runs else _robots(folder, parts)
-    entries.append(Entry("robots", list(robots), why, "likely"))
+    entries.append(Entry("robots", list(robots), why or "their names in the names of the files", "likely"))
     if delimiter != ",":
         entries.append(Entry("delimiter", delimiter, "between the names in the first line"))
     drafted = [_draft_table(part, robots, runs) for part in parts]
@@ -406,22 +413,33 @@ def _draft_run(folder: Path, data: Path) -> tuple[Draft, tuple[str, ...]]:
             columns.append((file.name, g.column, (g.quantity or "not known") + f" [{g.unit}]" * bool(g.unit), g.reason))
         if unknown := [g.column for g in file.guesses if not g.quantity]:
             unused.append(f"{file.name}: columns {', '.join(unknown)}")
-    return Draft(tuple(entries), tables, tuple(columns), tuple(unused)), robots
+    return Draft(tuple(entries), tables, tuple(columns), tuple(unused), doubts), robots
 
 
-def _are_runs_of_one_robot(files: Sequence[CsvTable]) -> bool:
-    """Return whether all files have the same columns, with odometry and truth, and follow each other in time."""
-    stamps = []
+def _are_runs_of_one_robot(files: Sequence[CsvTable]) -> tuple[bool, str]:
+    """Return whether files are runs of one robot, and why; "" of files that may be either.
+
+    They have the same columns, with odometry and truth, and follow each other in time, or more than a word of their
+    names differs. With one word, and stamps in common, they are of robots: surely if they measured each other.
+    """
+    stamps, measured = [], set[str]()
     for file in files:
-        parts = {part.table: part.columns for part in _parts(file)}
+        parts = {part.table: part for part in _parts(file)}
         same = file.columns.keys() == files[0].columns.keys()
-        if not same or not {"odometry", "truth"} <= parts.keys() or "robot" in parts["odometry"]:
-            return False
-        t = file.numbers(next(parts["odometry"][q].column for q in STAMPS if q in parts["odometry"]))
+        if not same or not {"odometry", "truth"} <= parts.keys() or "robot" in parts["odometry"].columns:
+            return False, "their names in the names of the files, or in a column"
+        own = parts["odometry"].columns
+        t = file.numbers(next(own[q].column for q in STAMPS if q in own))
+        measured |= {name for part in parts.values() for name in part.names("other")}
         if len(t) > 1:
             stamps.append((t[0], t[-1]))
     overlaps = sum(later[0] < earlier[1] for earlier, later in pairwise(sorted(stamps)))
-    return len(stamps) > 1 and overlaps < len(stamps) / 2
+    robots = file_pattern([file.name for file in files])[1]
+    if len(stamps) > 1 and (overlaps < len(stamps) / 2 or len(robots) < len(files)):
+        how = "one after the other in time" if overlaps < len(stamps) / 2 else "whose names differ in more than a word"
+        return True, f"{len(files)} files of the same columns, {how}: runs of one robot"
+    certain = len(stamps) < 2 or measured & {*robots}
+    return False, "their names in the names of the files" if certain else ""
 
 
 def _robots(folder: Path, parts: Sequence[TablePart]) -> tuple[str, ...]:

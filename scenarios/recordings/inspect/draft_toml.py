@@ -39,6 +39,7 @@ class Draft(NamedTuple):
     tables: tuple[DraftTable, ...] = ()
     columns: tuple[tuple[str, str, str, str], ...] = ()  # file or topic, column, its probable meaning, why
     unused: tuple[str, ...] = ()  # files, columns and topics that are not used, and why
+    doubts: tuple[Finding, ...] = ()  # guesses that may be wrong
 
     def text(self, head: Iterable[str] = ()) -> str:
         """Return log.toml: comments at its head, its keys outside of tables, its tables."""

@@ -58,10 +58,10 @@ class Inspected(NamedTuple):
 
 def inspect_recording(path: Path, run: str = "", again: bool = False) -> Inspected:
     """Inspect a directory of CSV files, a bag, a PyFG file or MRCLAM text."""
-    form, why = recognize(path)
     directory = path if path.is_dir() else path.parent
     home = directory / schema.NAME
     stated, draft = home.is_file() and not again, Draft(())
+    form, why = ("", "") if stated and path == directory else recognize(path)  # else it may say where recordings are
     if stated:
         description, text, why = schema.load(home), home.read_text(encoding="utf-8"), "log.toml says so"
     else:
@@ -83,7 +83,7 @@ def inspect_recording(path: Path, run: str = "", again: bool = False) -> Inspect
         description = schema.parse(home, draft.text())
         log = of_format.read_run(places[name], name, description)
     checked = check_recording(log)
-    findings = tuple(checked.findings)
+    findings = (*draft.doubts, *checked.findings)
     if not stated:
         draft = draft_toml.complete_draft(path, draft, checked.log, findings, len(places))
         text = draft.text(draft_toml.head_lines(path, why, draft))
@@ -160,7 +160,7 @@ def try_recordings(data: Path, description: schema.TeamDescription) -> Trial:
         seconds = stream.world.tick * len(stream.time)
         robots = f"{stream.robots} robot{'s' * (stream.robots > 1)}"
         weak = f"; it {NO_ORDER}: " + "; ".join(reasons) if (reasons := run.weaknesses(truth, stream)) else ""
-        lines.append(f"run {run.run!r}: {robots}, {seconds:.3g} s are judged{weak}")
+        lines.append(f"run {run.run!r}: {robots}, {float(f'{seconds:.3g}'):g} s are judged{weak}")
     return Trial("", tuple(lines))
 
 

@@ -143,6 +143,14 @@ def test_a_planted_fault_is_found_with_its_robot_and_the_setting_to_change(name)
     assert found[0].setting
 
 
+def test_one_that_stands_here_and_there_does_not_jump():
+    def stand(t, v):
+        v[:] = np.repeat(v[::20], 20, axis=0)[: len(v)] * 5
+        return t, v
+
+    assert "jump" not in {f.kind for f in findings(series("truth", 1, stand)(team_log("trajectory", 2)))}
+
+
 @pytest.mark.parametrize("shift", [12.5, 1.7e9])  # the latter leaves no time in common
 def test_the_offset_of_a_clock_is_what_it_was_shifted_by(shift):
     found = findings(series("truth", 1, lambda t, v: (t + shift, v))(team_log("no-compass", 3)))

@@ -67,6 +67,24 @@ def test_files_that_follow_each_other_are_runs_of_one_robot(tmp_path, clean):
     assert cl.simulate("log/run0", data=tmp_path / "one")[1].robots == 1
 
 
+@pytest.mark.parametrize(
+    ("names", "robots", "doubted"),
+    [("diag-0 diag-1 inside-0", ["robot"], False), ("diag0 diag1", ["diag0", "diag1"], True)],
+)
+def test_runs_whose_clocks_begin_alike_are_told_from_robots_by_their_names(tmp_path, clean, names, robots, doubted):
+    odometry, truth = clean["odom_red.csv"], clean["truth_red.csv"]
+    both = {"time": odometry["time"], "v": odometry["v"], "omega": odometry["omega"]}
+    write(tmp_path / "one", {f"{n}.csv": both | {"gt_x": truth["x"], "gt_y": truth["y"]} for n in names.split()})
+    inspection = cl.inspect(tmp_path / "one")
+    assert tomllib.loads(inspection.log_toml)["robots"] == robots
+    assert (("robots", "") in found(inspection)) == doubted
+
+
+def test_a_log_toml_elsewhere_is_inspected_as_the_command_says(tmp_path, clean):
+    cl.inspect(write(tmp_path / "team", clean)).write(tmp_path / "out")
+    assert set(cl.inspect(tmp_path / "out").inspected.log.robots) == {"red", "blue"}
+
+
 def test_a_log_toml_that_is_there_is_believed_and_stays(tmp_path, clean):
     team = write(tmp_path / "team", clean)
     cl.inspect(team).write()
