@@ -390,12 +390,16 @@ HEADS = {
 }
 
 
+PIPED = 100  # characters in a line of a list, in a file or a pipe
+
+
 def show_list(kind: str, listed: pd.DataFrame) -> None:
     """Print the table of `cl.estimators()`, `cl.scenarios()` or `cl.studies()`, then plug-ins that cannot be used."""
     broken = listed["problem"] != "" if "problem" in listed else pd.Series(False, listed.index)
     rows = [_row(row) for row in listed[~broken].to_dict("records")]
     console = wide()
-    console.print(Table(kind, kind, HEADS[kind], rows).terminal())
+    width = console.width if console.is_terminal else PIPED
+    console.print(Table(kind, kind, HEADS[kind], rows).terminal(), width=width, soft_wrap=False)
     for row in listed[broken].to_dict("records"):
         console.print(f"  {row['name']}: not usable, {row['problem']}")
     if kind == "estimators":

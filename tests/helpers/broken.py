@@ -263,6 +263,20 @@ class NegativeVariance(DeadReckoning):
         return Belief(x, P - 10 * np.eye(x.shape[-1]))
 
 
+@dataclass(frozen=True)
+class NegativeHeading(EkfLocal):
+    """Correlates its heading more than the variances allow, which shows only without a compass."""
+
+    uses: tuple[str, ...] = ("odometry", "anchor_rssi")
+
+    def estimate(self, s):
+        x, P = super().estimate(s)
+        P = P.copy()
+        P[:, 0, 2:] += 10.0
+        P[:, 2:, 0] += 10.0
+        return Belief(x, P)
+
+
 class IgnoresOdometry(DeadReckoning):
     """Reads odometry and does not move."""
 

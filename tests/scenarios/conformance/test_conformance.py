@@ -57,6 +57,7 @@ GALLERY = [
     (broken.TrustsOdometry(), "nan-safety", r"not finite .*\(single readings of odometry were absent\)"),
     (broken.Asymmetric(), "covariance", "covariance is not symmetric in .*robot 0"),
     (broken.NegativeVariance(), "covariance", "covariance has a negative variance in .*robot 0"),
+    (broken.NegativeHeading(), "covariance", "covariance has a negative variance in 'no-compass"),
     (broken.IgnoresOdometry(), "silence", "m away from where odometry leads, where .* m is allowed, when nothing"),
     (broken.ShrinksCovariance(), "silence", "robot 0's position variance shrank when nothing"),
     (broken.DeclaresTooMuch(), "declaration", "declares anchor_rssi, landmark, but that never changed"),
