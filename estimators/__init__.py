@@ -12,6 +12,7 @@ from cooploc.estimators.errors import BadInput
 from cooploc.estimators.errors import nearest as nearest
 from cooploc.estimators.registry import CallablePackage, Registry, load_object, refusal
 from cooploc.estimators.registry import parse as parse
+from cooploc.estimators.registry import shorten_labels as shorten_labels
 from cooploc.estimators.registry import split_labels as split_labels
 
 if TYPE_CHECKING:
@@ -78,6 +79,8 @@ def configure(label: str) -> ConfiguredEstimator:
 
     """
     name, parameters = parse(label)
+    if (given := shorten_labels(label).partition("[")[0].strip()) != name and given in names():
+        raise BadInput(f"an estimator is called {given!r} already: give {name} another name")
     return ConfiguredEstimator(label, name, parameters, name in BUILTIN)
 
 

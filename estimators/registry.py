@@ -100,9 +100,12 @@ def load_object(place: str, what: str) -> Any:
         raise BadInput(f"{what} cannot be imported: {one_line(e)}") from e
 
 
-# Labels: `mrsl-rssi[particles=500]` is a name and its parameters; commas separate the labels of a list.
+# Labels: `mrsl-rssi[particles=500]` is a name and its parameters; commas separate the labels of a list. What is in a
+# file may have a name in front, `mine=path.py:Name[gate=9]`, by which readers see it: `mine[gate=9]`.
 
 LABEL = re.compile(r"\s*([^\[\]]*[^\[\]\s])\s*(?:\[([^\[\]]*)\])?\s*")
+GIVEN = re.compile(r"([^/=]*)=(.*\.py(?::.*)?)")
+SHOWN = re.compile(r"(?<![\w./=\[,-])([a-z][a-z0-9-]*)=[^\s\[\],=]*\.py:\w+")
 
 
 def parse(label: str) -> tuple[str, dict[str, str]]:
@@ -123,7 +126,15 @@ def parse(label: str) -> tuple[str, dict[str, str]]:
         if key in parameters:
             raise BadInput(f"{label!r} gives {key} twice; leave one out")
         parameters[key] = value
-    return match[1], parameters
+    given = GIVEN.fullmatch(match[1])
+    if given and not re.fullmatch("[a-z][a-z0-9-]*", given[1]):
+        raise BadInput(f"{given[1]!r} cannot be a name: write small letters, digits, hyphens, as in mine={given[2]}")
+    return given[2] if given else match[1], parameters
+
+
+def shorten_labels(text: str) -> str:
+    """Write each `mine=path.py:Name[gate=9]` in a text as readers see it, `mine[gate=9]`."""
+    return SHOWN.sub(r"\1", text)
 
 
 def split_labels(listed: str) -> list[str]:

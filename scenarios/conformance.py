@@ -23,7 +23,7 @@ from cooploc.estimators import errors, is_builtin, make
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Belief, Mail, Mask
 from cooploc.estimators.models import Displacement, Unicycle, wrap, wrap_heading
-from cooploc.estimators.registry import refusal, traits
+from cooploc.estimators.registry import refusal, shorten_labels, traits
 from cooploc.scenarios import simulate
 from cooploc.scenarios.display import list_table
 from cooploc.scenarios.process import PLUGINS, SESSION, WorkerError, call
@@ -112,10 +112,11 @@ class Report:
         return "\n".join([*lines, self.summary()])
 
     def summary(self) -> str:
-        """Say how many checks ran, passed, failed and were skipped."""
-        parts = [f"{self.count('passed')} passed"]
+        """Say how many of the checks passed, failed and were skipped."""
+        passed, of = self.count("passed"), len(self.results)
+        parts = [f"{passed} of {of} checks passed" if passed < of else f"{of} checks passed"]
         parts += [f"{self.count(status)} {status}" for status in ("failed", "skipped") if self.count(status)]
-        return f"{self.name}: {self.ran} check{'s' * (self.ran != 1)} ran; {', '.join(parts)}"
+        return f"{shorten_labels(self.name)}: {', '.join(parts)}"
 
     def __repr__(self) -> str:
         return f"Report({self.summary()!r})"

@@ -27,6 +27,7 @@ from cooploc.analysis.metrics.statistics import Interval
 from cooploc.estimators import nearest
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array
+from cooploc.estimators.registry import shorten_labels
 
 FAR = 5.0  # times the median trial's RMSE
 
@@ -268,9 +269,9 @@ def outlier_warnings(table: pd.DataFrame) -> list[str]:
     """Return a sentence on each row of `summarize` or `compare` whose RMSE a few trials decide."""
     ends = interval(percent)
     return [
-        f"{row['scenario']}, {row['estimator']}: {round(row['outlying'] * row['trials'])} of {row['trials']} trials "
-        f"({ends(row['outlying_low'], row['outlying_high']) or 'no interval'}) err more than {FAR:g} times as much as "
-        f"the median trial, {metres(row['rmse_median'])} m; they decide the RMSE, {metres(row['rmse'])} m, and its "
-        f"interval is too narrow; diverged: {percent(row['diverged'])} of robots"
+        f"{row['scenario']}, {shorten_labels(row['estimator'])}: {round(row['outlying'] * row['trials'])} of "
+        f"{row['trials']} trials ({ends(row['outlying_low'], row['outlying_high']) or 'no interval'}) err more than "
+        f"{FAR:g} times as much as the median trial, {metres(row['rmse_median'])} m; they decide the RMSE, "
+        f"{metres(row['rmse'])} m, and its interval is too narrow; diverged: {percent(row['diverged'])} of robots"
         for row in table[table["outlying"] > 0].to_dict("records")
     ]

@@ -113,6 +113,8 @@ def load_truth(
 ) -> tuple[Truth, Stream]:
     """Return the truth and the stream of a scenario, or of a file of `Stream.save`, whose truth is simulated again."""
     if not Path(source).is_file():
+        if source.endswith(".npz"):
+            raise BadInput(f"there is no file {source}; check its path, or name a scenario (cooploc list scenarios)")
         return simulate(source, trials=1 if trials is None else trials, seed=seed or 0, data=data)
     if trials is not None or seed is not None:
         raise BadInput(f"{source} is a file, which says its trials and its seed itself: leave --trials and --seed out")

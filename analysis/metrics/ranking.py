@@ -16,6 +16,7 @@ from cooploc.analysis.metrics.consistency import DOUBTFUL
 from cooploc.analysis.metrics.errors import TRAINED
 from cooploc.analysis.metrics.sequential import FIXED, Stopping
 from cooploc.estimators.interface import Array, Mask
+from cooploc.estimators.registry import shorten_labels
 
 DECLARED = "bytes are as declared"
 ALPHA = 1 - statistics.LEVEL
@@ -45,7 +46,7 @@ def certificate_remarks(table: pd.DataFrame) -> list[str]:
     """Return a sentence on each estimator in a table of `compare` that did not pass its checks."""
     once, out = table.drop_duplicates("estimator"), []
     for name, line in zip(once["estimator"], once["certificate"], strict=True):
-        status, _, found = line.partition(": ")
+        name, (status, _, found) = shorten_labels(name), line.partition(": ")
         if status == "failed":
             out.append(f"{name} failed a check and is not ranked: {found}")
         elif status == "passed":

@@ -174,7 +174,7 @@ def sweep_panels(part: pd.DataFrame, looks: Looks, short: Short, look: Style = P
 
         draw_curves(ax, part, {one: looks[one] for one in names}, name, 0.22 if len(names) == 1 else 0.1)
         if not alone:
-            ax.set_title(wrap_label(short(names[0]) if len(names) == 1 else names[0].partition("[")[0], 44))
+            ax.set_title(wrap_label(short(names[0]) if len(names) == 1 else short(names[0].partition("[")[0]), 44))
 
     entries = sum(len(names) for names in shown if alone or len(names) > 1)
     size, labels = (

@@ -25,6 +25,7 @@ from cooploc.analysis.metrics.consistency import consistency
 from cooploc.analysis.metrics.errors import is_offline
 from cooploc.analysis.metrics.ranking import is_refused
 from cooploc.estimators import BUILTIN
+from cooploc.estimators.registry import shorten_labels
 
 BLUE, ORANGE, GREEN, VERMILION, PURPLE, BROWN, _, _, _, SKY = map(to_hex, sns.color_palette("colorblind", 10))
 HUES = BROWN, BLUE, SKY, VERMILION, ORANGE, GREEN, PURPLE  # of built-in estimators, in the order of the registry
@@ -129,7 +130,7 @@ def name_of(row: Row, name: str = "") -> str:
     """Return an estimator's name, or `name`, with why it is not ranked."""
     standing = " (bound)" if row["bound"] else " (centralised)" * bool(row["centralised"])
     standing = " (offline)" if row.get("offline", False) else standing
-    return (name or str(row["estimator"])) + standing + UNRANKED * is_refused(row["certificate"])
+    return (name or shorten_labels(str(row["estimator"]))) + standing + UNRANKED * is_refused(row["certificate"])
 
 
 def _line_of(row: Row, line: Any) -> Any:

@@ -44,6 +44,7 @@ from cooploc.analysis.report.run_numbers import (
     trial_counts,
 )
 from cooploc.analysis.report.tables import Row, Table, TableColumn, csv_text, text_column
+from cooploc.estimators.registry import shorten_labels
 
 FEW = 4  # scenarios that the first figure of a page draws side by side
 BELOW = "95 %", "remark"  # heads of columns that stand below their left neighbour
@@ -95,7 +96,7 @@ def content(numbers: Numbers, ledger: Ledger) -> dict[str, Any]:
     scenarios, versions = result_tables.scenario_tables(table, manifest["scenarios"]), _versions(manifest)
     tables = [result_tables.best(found), consistency, *([claims["overview"], claims["table"]] if claims else [])]
     tables += [one for each in experiments for one in (*each["tables"], each["standings"])]
-    missing = [f"{s}, {e}: {n} of the planned trials are missing" for (s, e), n in kept.gaps.items()]
+    missing = [f"{s}, {shorten_labels(e)}: {n} of the planned trials are missing" for (s, e), n in kept.gaps.items()]
     marks = markers(numbers.looks, set(kept.rows.loc[kept.rows["centralised"].eq(True), "estimator"]))
     names = kept.rows["estimator"].unique()
 
@@ -107,8 +108,8 @@ def content(numbers: Numbers, ledger: Ledger) -> dict[str, Any]:
         "study": study["name"] * bool(study.get("title")),
         "about": study.get("about", ""),
         "manifest": manifest,
-        "lowest": sentences.lowest_errors(found, table),
-        "over_confident": sentences.over_confident_estimators(table),
+        "lowest": shorten_labels(sentences.lowest_errors(found, table)),
+        "over_confident": shorten_labels(sentences.over_confident_estimators(table)),
         "first": first,
         "consistency": replace(consistency, columns=tuple(filter(some, consistency.columns))),
         "experiments": experiments,
@@ -176,7 +177,7 @@ def experiment(name: str, plan: dict[str, list[str]], numbers: Numbers, counter:
         "name": name,
         "anchor": anchor,
         "found": found,
-        "sentences": list(filter(None, texts)),
+        "sentences": list(map(shorten_labels, filter(None, texts))),
         "figures": [show(one, counter) for one in drawn],
         "tables": [every, *changed],
         "standings": result_tables.best(found, f"best-{anchor}"),
@@ -258,11 +259,10 @@ class Wording(NamedTuple):
 
     def cell(self, column: TableColumn, row: Row) -> Markup:
         """Return the text of a cell: an estimator with its marker and a link."""
-        key, text = column.keys[0], column.text(row)
-        if key == "estimator" and text in self.anchors:
+        if column.keys[0] == "estimator" and (label := row["estimator"]) in self.anchors:
             link = Markup('{}<a href="#{}" title="{}">{}</a>')
-            return link.format(self.marks.get(text, ""), self.anchors[text], text, self.names.of(text))
-        return Markup("{}").format(text)
+            return link.format(self.marks.get(label, ""), self.anchors[label], label, self.names.of(label))
+        return Markup("{}").format(column.text(row))
 
 
 def markers(looks: Mapping[str, style.Look], centralised: set[str]) -> dict[str, Markup]:

@@ -17,7 +17,7 @@ from cooploc.analysis.report.run_numbers import FLOORED, Numbers, trial_counts
 from cooploc.estimators import configure, make
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.listing import standing
-from cooploc.estimators.registry import source_of
+from cooploc.estimators.registry import parse, shorten_labels, source_of
 
 
 def anchors_of(estimators: Iterable[Any]) -> dict[str, str]:
@@ -40,13 +40,15 @@ def introduce_estimators(rows: pd.DataFrame) -> list[dict[str, Any]]:
 def _introduce(name: str, configurations: list[dict[str, str]], rows: pd.DataFrame) -> dict[str, Any]:
     rows = rows[rows["estimator"].isin([one["label"] for one in configurations])]
     senses = " or ".join(rows[SENSES].dropna().unique()) if SENSES in rows else ""
-    out = {"name": name, "configurations": configurations, "senses": senses, "knows": _known_readings(rows)}
+    out = {"configurations": configurations, "senses": senses, "knows": _known_readings(rows)}
+    out["name"] = shown = shorten_labels(name)
     try:
         made = make(name) if configure(name).builtin else None
     except BadInput:  # it is no longer known
         made = None
     if made is None:
-        return {**out, "about": "Not built in.", "source": "", "defaults": {}}
+        about = f"Not built in{f': {parse(name)[0]}' * (shown != name)}."
+        return {**out, "about": about, "source": "", "defaults": {}}
     values = {one.name: getattr(made, one.name) for one in fields(made) if one.init and one.name != "uses"}
     texts = {key: f"{v:g}".replace("inf", "∞") if isinstance(v, float) else str(v) for key, v in values.items()}
     about = (type(made).__doc__ or "").strip().partition("\n")[0]

@@ -26,6 +26,7 @@ from cooploc.analysis.report.tables import Row, Table, TableColumn, number_colum
 from cooploc.estimators import nearest
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.listing import declares_bytes, standing
+from cooploc.estimators.registry import shorten_labels
 
 CONSISTENCY = {flag: flag for flag in ("over-confident", "over-wide", "conservative")}
 CONSISTENCY["not shown"] = "consistency not shown"
@@ -165,7 +166,7 @@ DECIDED = text_column("decided", "verdict", "look", of=("verdict", "look", "tria
 def result_columns(baselines: Iterable[str], until_decided: bool) -> tuple[TableColumn, ...]:
     """Return the columns of some rows of `compare`, with the baseline's name in a head where there is only one."""
     names = set(baselines)
-    head = f"vs {names.pop()}" if len(names) == 1 else "vs baseline"
+    head = f"vs {shorten_labels(names.pop())}" if len(names) == 1 else "vs baseline"
     columns = (*RESULTS, DECIDED) if until_decided else RESULTS
     return tuple(replace(column, head=head) if column.head == "vs baseline" else column for column in columns)
 
@@ -231,7 +232,7 @@ def best(found: list[Standing], name: str = "best") -> Table:
             "barred": ", ".join(one.barred),
             "some": ", ".join(one.barred[:2]) + (f" and {len(one.barred) - 2} more" if len(one.barred) > 2 else ""),
             "alone": one.best if one.is_alone else "",
-            "sentence": summary_sentence(one),
+            "sentence": shorten_labels(summary_sentence(one)),
         }
         for one in found
     ]
@@ -403,5 +404,6 @@ def failures(rows: pd.DataFrame) -> list[Failure]:
         for (scenario, estimator), one in cells:
             trials = ", ".join(map(str, sorted(one["trial"])[:SHOWN_TRIALS])) + " ..." * (len(one) > SHOWN_TRIALS)
             where.append(f"{scenario}, {estimator}: {'trial' if len(one) == 1 else 'trials'} {trials}")
-        found.append(Failure(str(part["failure"].iloc[0]), len(part), where, str(part["traceback"].iloc[0])))
+        said, where = shorten_labels(str(part["failure"].iloc[0])), list(map(shorten_labels, where))
+        found.append(Failure(said, len(part), where, str(part["traceback"].iloc[0])))
     return sorted(found, key=lambda kind: -kind.trials)

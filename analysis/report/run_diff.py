@@ -17,6 +17,7 @@ from cooploc.analysis.metrics.consistency import consistency
 from cooploc.analysis.metrics.errors import trial_means
 from cooploc.analysis.metrics.statistics import Interval
 from cooploc.analysis.report.tables import Table, TableColumn, number_column, text_column
+from cooploc.estimators.registry import shorten_labels
 
 SAME, NOTHING, WORSE = "bit-equal", "no difference shown", ("worse", "fails more")  # verdicts
 REMARKED = "verdict", "pairing", "failed_a", "failed_b"
@@ -151,7 +152,7 @@ def sentences(found: pd.DataFrame) -> list[str]:
         )
     for row in both[both["consistency_a"] != both["consistency_b"]].to_dict("records"):
         flags = f"{row['consistency_a']} over all trials before, {row['consistency_b']} after"
-        lines.append(f"{row['scenario']}, {row['estimator']}: {flags}.")
+        lines.append(f"{row['scenario']}, {shorten_labels(row['estimator'])}: {flags}.")
     alone = found.loc[found["trials"].isna(), "pairing"].value_counts(sort=False)
     return lines + [f"{text}: {number} (scenario, estimator)." for text, number in alone.items()]
 

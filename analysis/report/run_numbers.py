@@ -15,6 +15,7 @@ from cooploc.analysis.metrics.curves import sweep
 from cooploc.analysis.metrics.ranking import is_refused, rank_groups
 from cooploc.analysis.metrics.sequential import ANYTIME, FIXED, add_decisions
 from cooploc.analysis.plot import style
+from cooploc.estimators.registry import shorten_labels
 
 SWEEP = 3  # values from which a sweep becomes a line
 LONGEST = 24  # characters of a label that is written in full
@@ -29,7 +30,7 @@ class Labels(NamedTuple):
 
     def of(self, label: str) -> str:
         """Return the short label, or the label itself."""
-        return self.short.get(label, label)
+        return self.short.get(label, shorten_labels(label))
 
     def legend(self, labels: Iterable[str]) -> list[str]:
         """Return the letters in these estimators' labels, each with the parameters that it stands for."""
@@ -50,12 +51,13 @@ def short_labels(labels: Iterable[str], variants: Mapping[str, str] | None = Non
     letters: dict[str, str] = {}
     short: dict[str, str] = {}
     for label in dict.fromkeys(labels):
-        method, _, settings = label.removesuffix("]").partition("[")
+        shown = shorten_labels(label)
+        method, _, settings = shown.removesuffix("]").partition("[")
         method = method.rpartition("/")[2]  # of an estimator in a file, without its folder
         if len(method) > LONGEST:
             method, settings = method[: LONGEST - 1] + "…", ",".join(filter(None, (method, settings)))
-        if not settings or len(label) <= LONGEST:
-            short[label] = method if not settings else label
+        if not settings or len(shown) <= LONGEST:
+            short[label] = method if not settings else shown
             continue
         again, place = divmod(len(letters), 26)
         letter = names.get(sort_parameters(settings)) or string.ascii_lowercase[place] + (str(again) if again else "")
@@ -78,7 +80,9 @@ def numbers_of(kept: StoredRun) -> Numbers:
     table = compare(kept.rows, kept.baselines, full=True)
     table = table if kept.comparisons is None else add_decisions(table, kept.comparisons)
     estimators = [str(name) for name in kept.rows["estimator"].unique()]
-    names = short_labels(estimators, kept.manifest["study"].get("variants", {}))
+    study = kept.manifest["study"]
+    variants = {key: text for one in (*study.get("also", ()), study) for key, text in one.get("variants", {}).items()}
+    names = short_labels(estimators, variants)
     return Numbers(kept, table, collect(kept.rows, ANYTIME if kept.looks else FIXED), style.looks(estimators), names)
 
 

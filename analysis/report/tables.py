@@ -15,6 +15,7 @@ from rich.table import Table as RichTable
 from rich.text import Text
 
 from cooploc.analysis.formats import Format, interval
+from cooploc.estimators.registry import shorten_labels
 
 Row = dict[Any, Any]  # key -> value, as of `DataFrame.to_dict("records")`
 
@@ -41,8 +42,8 @@ class TableColumn:
 
 
 def as_text(value: object = "") -> str:
-    """Write a value as it is; nothing where it is absent."""
-    return "" if value is None or value != value else str(value)
+    """Write a value as it is, but for labels; nothing where it is absent."""
+    return "" if value is None or value != value else shorten_labels(str(value))
 
 
 def text_column(

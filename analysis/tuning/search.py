@@ -108,7 +108,8 @@ class Space:
         for key, value in sorted(changed.items()):
             text = f"{value:.{DIGITS}g}" if isinstance(value, float) else str(value)
             written[key] = text.lower() if isinstance(value, bool) else text
-        return f"{self.published.name}[{','.join(f'{key}={value}' for key, value in written.items())}]"
+        name = self.published.label.partition("[")[0]
+        return f"{name}[{','.join(f'{key}={value}' for key, value in written.items())}]"
 
 
 def space_of(label: str, isolate: bool = True) -> Space:

@@ -34,6 +34,7 @@ from cooploc.analysis.report.result_tables import (
     sort_rows,
 )
 from cooploc.analysis.report.tables import Table, csv_text, number_column, text_column
+from cooploc.estimators.registry import shorten_labels
 from cooploc.scenarios.conformance import Report
 from cooploc.scenarios.recordings.scenario import NO_ORDER
 from cooploc.terminal.console import wide
@@ -93,7 +94,7 @@ def recording_lines(part: pd.DataFrame, weak: list[str]) -> list[str]:
         worse = part.loc[part["rmse"] > constant, "estimator"]
         if len(worse):
             lines.append(f"{scenario}: worse than a constant, which errs by {constant:.3f} m: {', '.join(worse)}")
-    return lines
+    return list(map(shorten_labels, lines))
 
 
 def _by_scenario(table: pd.DataFrame) -> list[tuple[str, pd.DataFrame]]:
@@ -214,7 +215,7 @@ def show_run(folder: Path) -> None:
     if decisions:
         console.print(decision_line(run.rows, decisions))
     for label, certificate in certificates.items():
-        console.print(f"\n{label}, {certificate['status']}: {certificate['found']}")
+        console.print(f"\n{shorten_labels(label)}, {certificate['status']}: {certificate['found']}")
         for one in certificate["checks"]:
             if one["status"] != "passed":
                 console.print(f"  {one['check']} {one['status']}: {one['detail']}", style="dim")
@@ -376,7 +377,7 @@ def show_tuning(
 
 
 def show_checks(report: Report) -> None:
-    """Print the results, and how many checks ran, passed, failed and were skipped."""
+    """Print the results, and how many of the checks passed, failed and were skipped."""
     wide().print(report.table())
 
 

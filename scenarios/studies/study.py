@@ -22,6 +22,7 @@ name runs everything that they have.
 
 import re
 import tomllib
+from collections import Counter
 from collections.abc import Container, Iterator, Mapping
 from decimal import Decimal
 from importlib.resources import files
@@ -36,7 +37,7 @@ from cooploc import scenarios as registry
 from cooploc.estimators import configure
 from cooploc.estimators.building import ConfiguredEstimator
 from cooploc.estimators.errors import BadInput, first_reason, nearest
-from cooploc.estimators.registry import source_of
+from cooploc.estimators.registry import shorten_labels, source_of
 from cooploc.scenarios import resolve
 from cooploc.scenarios.scenario import ResolvedScenario
 
@@ -311,6 +312,8 @@ def resolve_study(study: Study, data: Path | None = None) -> ResolvedStudy:
     """Read every label of a study."""
     cells = study.cells()
     known = {label: configure(label) for label in dict.fromkeys(name for cell in cells for name in cell.estimators)}
+    if same := [one for one, n in Counter(map(shorten_labels, known)).items() if n > 1]:
+        raise BadInput(f"two estimators are called {same[0]!r}: give one of them another name")
     found = []
     for cell in cells:
         scenario = resolve(cell.scenario, data)

@@ -1,5 +1,7 @@
 """The commands that are about finished runs."""
 
+import re
+
 import pytest
 from processes import inside as cooploc
 
@@ -45,6 +47,28 @@ def test_report_writes_a_page_and_its_tables_and_verdicts_prints_the_same_claims
     assert done.returncode == 0, done.stderr
     assert "1. alone is better" in done.stdout
     assert "claims 2" in done.stdout
+
+
+NAMED = "from cooploc.estimators.dead_reckoning import DeadReckoning\nclass Mine(DeadReckoning): 'Mine.'\n"
+
+
+def test_a_given_name_is_what_terminal_page_figures_and_paper_show(place):
+    (place / "own.py").write_text(NAMED)
+    label = "mine=own.py:Mine"
+    done = cooploc("run", "small.toml", "--out", "named", "--estimators", f"arl,{label}", "--trials", "2", cwd=place)
+    assert done.returncode == 0, done.stderr
+    assert "mine " in done.stdout
+    assert cooploc("report", "named", "--paper", "-o", "cited", cwd=place).returncode == 0
+    assert cooploc("report", "named", "-o", "seen", cwd=place).returncode == 0
+    latex = "".join(file.read_text() for file in (place / "cited" / "tables").iterdir())
+    page = (place / "seen" / "index.html").read_text().partition("application/json")[0]
+    read = re.sub(r"<[^>]*>", " ", page.partition("</style>")[2])
+    for shown in (done.stdout, latex, read.replace(f"Not built in: {label[5:]}.", "")):
+        assert "mine" in shown
+        assert "own.py:Mine" not in shown
+    assert label in (place / "named" / "table.csv").read_text()
+    again = cooploc("reproduce", "seen", "--trust", "--trials", "1", cwd=place)
+    assert "2 of 2 results are bit-equal" in again.stdout, again.stderr
 
 
 def test_report_for_a_paper_writes_figures_tables_and_references(place):

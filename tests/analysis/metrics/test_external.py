@@ -139,6 +139,8 @@ def test_a_file_whose_truth_cannot_be_made_again_is_refused(ours, written, tmp_p
     replace(ours[1], **change).save(tmp_path / "stream.npz")
     with pytest.raises(cl.BadInput, match=reason):
         evaluate_external(str(tmp_path / "stream.npz"), written, None, False)
+    with pytest.raises(cl.BadInput, match=r"there is no file nothing\.npz; check its path"):
+        evaluate_external("nothing.npz", written, None, False)
 
 
 def test_a_folder_is_never_shared_and_the_truth_never_overwritten(ours, tmp_path):

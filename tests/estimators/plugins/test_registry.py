@@ -32,6 +32,10 @@ def test_parameters_are_written_the_same_everywhere():
         ("arl[particles]", "write name=value"),
         ("arl[particles=1", "write it like mrsl-rssi[particles=500,K=1]"),
         ("arl[uses=x]", "has no parameter 'uses'"),
+        ("Mine=own.py:Mine", "'Mine' cannot be a name: write small letters, digits, hyphens, as in mine=own.py:Mine"),
+        ("=own.py:Mine", "'' cannot be a name"),
+        ("arl=own.py:Mine[K=1]", "an estimator is called 'arl' already: give own.py:Mine another name"),
+        ("mine=own.py", "own.py is a file: say which of its names, own.py:Name"),
     ],
 )
 def test_what_cannot_be_made_is_refused_with_the_remedy(written, said):
@@ -39,6 +43,21 @@ def test_what_cannot_be_made_is_refused_with_the_remedy(written, said):
         cl.make(written)
     assert said in str(refusal.value)
     assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize(
+    ("label", "name", "shown"),
+    [
+        ("mine=a/own.py:Mine[gate=9]", "a/own.py:Mine", "mine[gate=9]"),
+        ("own.py:Mine[gate=9]", "own.py:Mine", "own.py:Mine[gate=9]"),
+        ("./a=b/own.py:Mine", "./a=b/own.py:Mine", "./a=b/own.py:Mine"),
+        ("packet-drop/drop=0.7", "packet-drop/drop=0.7", "packet-drop/drop=0.7"),
+        ("arl[model=own.py:Mine,K=1]", "arl", "arl[model=own.py:Mine,K=1]"),
+    ],
+)
+def test_a_name_in_front_of_a_file_is_what_readers_see(label, name, shown):
+    assert registry.parse(label)[0] == name
+    assert registry.shorten_labels(f"best: {label}, arl") == f"best: {shown}, arl"
 
 
 @dataclass(frozen=True)

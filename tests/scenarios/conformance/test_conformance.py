@@ -141,7 +141,7 @@ def test_a_report_counts_and_prints_what_ran_and_is_escaped_in_a_notebook():
         "one  passed   x < y",
         "two  failed   a & b (seed 3)",
         "c    skipped  no",
-        "<b>: 2 checks ran; 1 passed, 1 failed, 1 skipped",
+        "<b>: 1 of 3 checks passed, 1 failed, 1 skipped",
     ]
     assert "<td>a &amp; b (seed 3)</td>" in REPORT._repr_html_()
     assert not Report("nothing", ()).passed
