@@ -90,6 +90,13 @@ def pipe(frame: pd.DataFrame) -> str:
     return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
 
 
+def pipe_by_scenario(table: pd.DataFrame, texts: list[str]) -> str:
+    """Return a pipe table of texts, a row for each estimator and a column for each scenario, in order."""
+    wide = table.assign(text=texts).pivot(index="estimator", columns="scenario", values="text")
+    ordered = wide.reindex(index=table["estimator"].unique(), columns=table["scenario"].unique())
+    return pipe(ordered.fillna("").reset_index())
+
+
 def write_pdf(text: str, out: Path) -> None:
     """Write a PDF of LaTeX, with the map of the readings as its figure."""
     if not (latex := shutil.which("pdflatex")):

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from page import pipe
+from page import pipe, pipe_by_scenario
 
 import cooploc as cl
 from cooploc.analysis.formats import change, metres
@@ -131,9 +131,8 @@ def by_scenario(run: Path, consistency: str) -> str:
     """Return a run's RMSE [m] and a figure of consistency, a column for each scenario."""
     table = cl.load_run(run).table
     in_brackets = [f"({value:.2g})" if value < 1000 else "(> 1000)" for value in table[consistency]]
-    table["text"] = [f"{metres(rmse)} {other}" for rmse, other in zip(table["rmse"], in_brackets, strict=True)]
-    wide = table.pivot(index="estimator", columns="scenario", values="text")[list(table["scenario"].unique())]
-    return pipe(wide.reindex(table["estimator"].unique()).reset_index())
+    texts = [f"{metres(rmse)} {other}" for rmse, other in zip(table["rmse"], in_brackets, strict=True)]
+    return pipe_by_scenario(table, texts)
 
 
 def uwb_sentences(table: pd.DataFrame) -> dict[str, str]:

@@ -8,11 +8,10 @@ import pandas as pd
 from scipy import stats
 
 import cooploc as cl
-from cooploc.analysis.formats import change, count_of, decimals, metres, ratio
+from cooploc.analysis.formats import metres, ratio
 from cooploc.analysis.plot import style
 from cooploc.analysis.report import tuning_tables as tables
 from cooploc.analysis.report.tables import Table, number_column, text_column
-from cooploc.analysis.report.tuning_tables import gain
 
 SHOWN = "ekf-naive"  # the estimator whose parameters are drawn
 
@@ -30,9 +29,10 @@ def values(runs: Path, out: Path, data: Path) -> dict[str, Any]:
         "streams": len(found.record["streams"]),
         "by_rmse": tables.order_sentence(found.order("rmse"), "RMSE"),
         "by_nll": tables.order_sentence(found.order("nll"), "score"),
-        "bought": gain_sentence(found.table),
-        "moved": extremes_sentence(found.table),
-        "scenarios": "\n".join(f"- {line}" for line in scenario_sentences(found.table)),
+        "gains": found.table,
+        "moved": found.table[found.table["tuned"] != found.table["estimator"]],
+        "gain": tables.gain,
+        "kendalltau": stats.kendalltau,
         "side": side_by_side(found.table).markdown(),
         "chosen": tables.chosen_table(found.history, found.tuned).markdown(),
         "legend": tables.LEGEND[0].upper() + tables.LEGEND[1:],
@@ -87,51 +87,3 @@ def side_by_side(gains: pd.DataFrame) -> Table:
     return Table(
         "side-by-side", "by RMSE, geometric mean over the worlds; score: mean [nats]", columns, rows.to_dict("records")
     )
-
-
-def gain_sentence(gains: pd.DataFrame) -> str:
-    """Return in a few sentences the gain by tuning, on training streams and on fresh ones."""
-    moved = gains[gains["tuned"] != gains["estimator"]]
-    names = moved["estimator"].nunique()
-    if not names:
-        return "No estimator was moved: none of the configurations that were tried was shown to be better."
-    training, fresh = moved["training_gain"].mean(), moved["fresh_gain"].mean()
-    lower = moved[(moved["p_holm"] < 0.05) & (moved["change"] < 0)]
-    higher = moved[(moved["p_holm"] < 0.05) & (moved["change"] > 0)]
-    return (
-        f"Tuning moved {names} of {gains['estimator'].nunique()} estimators. Over their "
-        f"{count_of(len(moved), 'row')} the mean score fell by {decimals(training, 2)} on the training streams and by "
-        f"{decimals(fresh, 2)} on fresh ones. RMSE became significantly smaller in {count_of(len(lower), 'row')}, "
-        f"significantly larger in {len(higher)}; what was made small is the score."
-    )
-
-
-def extremes_sentence(gains: pd.DataFrame) -> str:
-    """Return the largest gains and the smallest on fresh streams."""
-    ordered = gains[gains["tuned"] != gains["estimator"]].sort_values("fresh_gain", ascending=False)
-    if ordered.empty:
-        return ""
-    said = [
-        f"`{row['estimator']}` in `{row['scenario']}` ({gain(row['fresh_gain'])}, RMSE {change(row['change'])})"
-        for row in ordered.to_dict("records")
-    ]
-    return f"The largest gains on fresh streams: {'; '.join(said[:3])}. The smallest: {said[-1]}."
-
-
-def scenario_sentences(gains: pd.DataFrame) -> list[str]:
-    """Return for each scenario the smallest errors before and after, and how alike the two orders are."""
-    out = []
-    for scenario, part in gains.groupby("scenario", sort=False):
-        whole = part[(part["failed_published"] == 0) & (part["failed_tuned"] == 0)]
-        if len(whole) < 2:
-            out.append(f"`{scenario}`: fewer than two estimators without failed trials.")
-            continue
-        tau = stats.kendalltau(whole["rmse_published"], whole["rmse_tuned"]).statistic
-        first, then = (whole.sort_values(f"rmse_{which}").to_dict("records")[0] for which in ("published", "tuned"))
-        same = "and when tuned" if first["estimator"] == then["estimator"] else f"tuned it is `{then['estimator']}`"
-        out.append(
-            f"`{scenario}`: `{first['estimator']}` has the smallest RMSE as published "
-            f"({metres(first['rmse_published'])} m), {same} ({metres(then['rmse_tuned'])} m); Kendall's tau between "
-            f"the two orders is {decimals(tau, 2)}."
-        )
-    return out
