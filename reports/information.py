@@ -19,13 +19,10 @@ from cooploc.api import stored_run
 def values(runs: Path, out: Path, data: Path) -> dict[str, Any]:
     """Return the words of the text, and draw both figures."""
     found = {}
-    for name, tabulate, draw in (
-        ("information", cl.information, cl.plot.information),
-        ("sensitivity", cl.sensitivity, cl.plot.sensitivity),
-    ):
-        stored = cl.load_run(runs / name)
-        table = tabulate(stored)
-        style.save(draw(table), out / f"{name}.svg")
+    for run in (runs / "information", runs / "sensitivity"):
+        name, stored = run.name, cl.load_run(run)
+        table = getattr(cl, name)(stored)
+        style.save(getattr(cl.plot, name)(table), out / f"{name}.svg")
         found[name] = {"trials": table["trials"].max(), "seed": stored_run(stored).manifest["seed"], "cells": table}
     return {**found, "table": _table(found["information"]["cells"]).markdown(), "parameters": PARAMETERS}
 

@@ -52,12 +52,7 @@ def values(runs: Path, out: Path, data: Path) -> dict[str, Any]:
 
 
 def draw_map(path: Path) -> None:
-    """Draw the map of the numbers that stand in readings.csv."""
-    style.save(cl.plot.readings(stored_readings()), path)
-
-
-def stored_readings() -> pd.DataFrame:
-    """Return the table of readings.csv, with what the ledger says of its claims."""
+    """Draw the map of the numbers that stand in readings.csv, with what the ledger says of their claims."""
     claims = {claim.id: claim for claim in load().claims}
     table = pd.read_csv(FOLDER / "readings.csv", dtype={"claim": str})
     words = ["than", "definition", *load().dimensions]
@@ -65,4 +60,4 @@ def stored_readings() -> pd.DataFrame:
     cases = zip(table["claim"], table["definition"], strict=True)
     sizes = [size_as_change(claims[one].size, definition) for one, definition in cases]
     says, kind = ([getattr(claims[one], name) for one in table["claim"]] for name in ("says", "kind"))
-    return table.assign(says=says, kind=kind, size=sizes)
+    style.save(cl.plot.readings(table.assign(says=says, kind=kind, size=sizes)), path)

@@ -15,7 +15,7 @@ import pandas as pd
 from page import pipe, pipe_by_scenario
 
 import cooploc as cl
-from cooploc.analysis.formats import change, metres
+from cooploc.analysis.formats import metres
 from cooploc.analysis.plot import style
 from cooploc.scenarios import resolve
 from cooploc.scenarios.recordings.fit import FitPart, residuals
@@ -23,8 +23,6 @@ from cooploc.scenarios.recordings.sampling import Gaps, span
 from cooploc.scenarios.studies.study import load
 
 BAGS = {"two-robots": "two turtlebots, one radio pair, 45 s", "four-robots": "four turtlebots, six radio pairs, 17 s"}
-OLD, NEW = "wifi/all", "wifi/all[robust=true]"
-LATE, FOUR = "uwb/removed[outliers=0.4]", ("ekf-joint", "iekf-joint", "ukf-joint", "mrsl-distance")
 WIFI = ["dead-reckoning", "ekf-local", "ekf-local[anchor_reading=rssi]", "rssi-pf"]
 
 
@@ -47,8 +45,8 @@ def ranges(label: str, data: Path) -> pd.DataFrame:
 
 
 def errors_of(labels: list[str], data: Path) -> pd.DataFrame:
-    """Return RMSE [m] and ANEES of the study `log`'s estimators, a column for each scenario."""
-    columns: dict[str, dict[str, str]] = {}
+    """Return the summary of the study `log`'s estimators in each scenario."""
+    found = []
     for label in labels:
         truth, stream = cl.simulate(label, data=data)
         names = []
@@ -56,9 +54,8 @@ def errors_of(labels: list[str], data: Path) -> pd.DataFrame:
             with suppress(cl.IncompatibleEstimator):  # the recording lacks a channel that it needs
                 cl.run([name], stream.first_ticks(1))
                 names.append(name)
-        table = cl.summarize(cl.errors(truth, cl.run(names, stream)))
-        columns[label] = {r["estimator"]: f"{r['rmse']:.3f} ({r['anees']:.2g})" for r in table.to_dict("records")}
-    return pd.DataFrame(columns).rename_axis("estimator").reset_index()
+        found.append(cl.summarize(cl.errors(truth, cl.run(names, stream))).assign(scenario=label))
+    return pd.concat(found, ignore_index=True)
 
 
 def values(runs: Path, out: Path, data: Path) -> dict[str, Any]:
@@ -69,7 +66,6 @@ def values(runs: Path, out: Path, data: Path) -> dict[str, Any]:
         style.save(cl.plot.rmse(cl.load_run(runs / study).rows), folder / f"{name}.png")
     return {
         **bags(data, folder),
-        **uwb_sentences(cl.load_run(runs / "uwb").table),
         "uwb": by_scenario(runs / "uwb", "anees_median"),
         "mrclam": by_scenario(runs / "mrclam", "anees"),
         "wifi": wifi(data),
@@ -78,7 +74,7 @@ def values(runs: Path, out: Path, data: Path) -> dict[str, Any]:
 
 def bags(data: Path, out: Path) -> dict[str, Any]:
     """Return what every bag shows, and what their tables have in common."""
-    sections, pairs, judged = [], [], []
+    sections, pairs, dead, less = [], [], [], []
     with tempfile.TemporaryDirectory() as place:
         for name, about in BAGS.items():
             copy = Path(place) / name
@@ -88,28 +84,19 @@ def bags(data: Path, out: Path) -> dict[str, Any]:
             shutil.copy(copy / "inspect.png", out / f"{name}.png")
             style.save(cl.plot.residuals("log/all", copy), out / f"{name}-residuals.png", dpi=130)
             pairs.append(ranges("log/all", copy))
-            judged.append(errors_of(["log/all", "log/all[bias=none]"], copy))
+            table = errors_of(["log/all", "log/all[bias=none]"], copy)
+            error = table["rmse"].round(3)  # to the millimetre
+            known = error[table["estimator"] == "dead-reckoning"].set_axis(table["scenario"].unique())
+            dead += list(known.map(metres))
+            less += list(table.loc[error < table["scenario"].map(known), "estimator"])
+            texts = [f"{rmse:.3f} ({anees:.2g})" for rmse, anees in zip(table["rmse"], table["anees"], strict=True)]
             facts = [f"- {one.fact.replace(f'{place}/', '')} ({one.sure})" for one in found.findings.itertuples()]
-            tables = {"ranges": pipe(pairs[-1]), "errors": pipe(judged[-1]), "findings": "\n".join(facts)}
+            tables = {"ranges": pipe(pairs[-1]), "errors": pipe_by_scenario(table, texts), "findings": "\n".join(facts)}
             sections.append({"name": name, "about": about, **tables})
     every = pd.concat(pairs)
-    pair = {"bias": spread_of(every["bias (median) [m]"]), "spread": spread_of(every["spread [m]"])}
-    return {"bags": sections, **pair, **against_dead_reckoning(judged)}
-
-
-def spread_of(written: pd.Series) -> str:
-    """Return the smallest and the largest of some numbers, as they are written."""
-    return f"{min(written, key=float)} to {max(written, key=float)}"
-
-
-def against_dead_reckoning(tables: list[pd.DataFrame]) -> dict[str, str]:
-    """Return its errors in the bags, and which filters err less there, to the millimetre."""
-    errors = [table.set_index("estimator").apply(lambda column: column.str.split().str[0]) for table in tables]
-    dead = [value for error in errors for value in error.loc["dead-reckoning"]]
-    better = [error.astype(float) < error.loc["dead-reckoning"].astype(float) for error in errors]
-    less = dict.fromkeys(name for one in better for name in one.index[one.any(axis=1)])
-    named = ", ".join(f"`{name}`" for name in less)
-    return {"dead": spread_of(pd.Series(dead)), "less": named or "no filter that uses the ranges"}
+    spread = {"bias": every["bias (median) [m]"], "spread": every["spread [m]"], "dead": dead}
+    ends = {name: f"{min(written, key=float)} to {max(written, key=float)}" for name, written in spread.items()}
+    return {"bags": sections, **ends, "less": list(dict.fromkeys(less))}
 
 
 def wifi(data: Path) -> str:
@@ -117,7 +104,7 @@ def wifi(data: Path) -> str:
     rows = []
     for trial in range(11):
         row: dict[str, str] = {}
-        for label, word in ((OLD, "least squares"), (NEW, "robust")):
+        for label, word in (("wifi/all", "least squares"), ("wifi/all[robust=true]", "robust")):
             truth, stream = cl.simulate(label, data=data / "wifi-rssi", trials=[trial])
             name = Path(stream.notes["recording"]).name
             row |= {"run": name, "set-up": name.partition("_")[0].rstrip("0123456789")}
@@ -133,20 +120,3 @@ def by_scenario(run: Path, consistency: str) -> str:
     in_brackets = [f"({value:.2g})" if value < 1000 else "(> 1000)" for value in table[consistency]]
     texts = [f"{metres(rmse)} {other}" for rmse, other in zip(table["rmse"], in_brackets, strict=True)]
     return pipe_by_scenario(table, texts)
-
-
-def uwb_sentences(table: pd.DataFrame) -> dict[str, str]:
-    """Return the sentences on the simulated world, from its table."""
-    at = table.set_index(["scenario", "estimator"])
-
-    def rmse(scenario: str, name: str) -> str:
-        value, low, high = at.loc[(scenario, name), ["rmse", "rmse_low", "rmse_high"]]
-        return f"{value:.2f} m ({low:.2f} to {high:.2f})"
-
-    texts = []
-    for scenario, word in (("uwb/raw", "raw ranges"), ("uwb/removed", "the mean bias removed")):
-        by, low, high = at.loc[(scenario, "ekf-joint"), ["change", "change_low", "change_high"]].map(change)
-        texts.append(f"with {word} by {by} ({low} to {high})")
-    late = [f"`{name}` from {rmse('uwb/removed', name)} to {rmse(LATE, name)}" for name in FOUR]
-    sentence = f"`ekf-joint` differs from `ekf-local`, which uses no ranges, {', '.join(texts)}."
-    return {"sentences": sentence, "late": ", ".join(late)}

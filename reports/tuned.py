@@ -42,19 +42,15 @@ def values(runs: Path, out: Path, data: Path) -> dict[str, Any]:
 
 
 def _recorded(found: Any) -> dict[str, Any]:
+    """Return the words on a recording, whose tables lack the columns that one trial cannot fill."""
+    absent = ("95 %", "p", "rank published", "failed")
+    columns = tuple(column for column in tables.GAINS if column.head not in absent and column.keys[0] != "rank_tuned")
+    wholes = [tables.gains_table(str(name), part) for name, part in found.table.groupby("scenario")]
     return {
         "budget": found.record["budget"],
         "chosen": tables.chosen_table(found.history, found.tuned).markdown(),
-        "tables": "\n".join(_one_trial(str(name), part) for name, part in found.table.groupby("scenario")),
+        "tables": "\n".join(Table(whole.name, whole.caption, columns, whole.rows).markdown() for whole in wholes),
     }
-
-
-def _one_trial(scenario: str, part: pd.DataFrame) -> str:
-    """Return a table without the columns that one trial cannot fill."""
-    whole = tables.gains_table(scenario, part)
-    absent = ("95 %", "p", "rank published", "failed")
-    columns = tuple(column for column in tables.GAINS if column.head not in absent and column.keys[0] != "rank_tuned")
-    return Table(whole.name, whole.caption, columns, whole.rows).markdown()
 
 
 def side_by_side(gains: pd.DataFrame) -> Table:
