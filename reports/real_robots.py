@@ -74,7 +74,8 @@ def values(runs: Path, out: Path, data: Path) -> dict[str, Any]:
 
 def bags(data: Path, out: Path) -> dict[str, Any]:
     """Return what every bag shows, and what their tables have in common."""
-    sections, pairs, dead, less = [], [], [], []
+    sections, pairs, less = [], [], []
+    dead: list[str] = []
     with tempfile.TemporaryDirectory() as place:
         for name, about in BAGS.items():
             copy = Path(place) / name
@@ -90,11 +91,11 @@ def bags(data: Path, out: Path) -> dict[str, Any]:
             dead += list(known.map(metres))
             less += list(table.loc[error < table["scenario"].map(known), "estimator"])
             texts = [f"{rmse:.3f} ({anees:.2g})" for rmse, anees in zip(table["rmse"], table["anees"], strict=True)]
-            facts = [f"- {one.fact.replace(f'{place}/', '')} ({one.sure})" for one in found.findings.itertuples()]
+            facts = [f"- {str(one.fact).replace(f'{place}/', '')} ({one.sure})" for one in found.findings.itertuples()]
             tables = {"ranges": pipe(pairs[-1]), "errors": pipe_by_scenario(table, texts), "findings": "\n".join(facts)}
             sections.append({"name": name, "about": about, **tables})
     every = pd.concat(pairs)
-    spread = {"bias": every["bias (median) [m]"], "spread": every["spread [m]"], "dead": dead}
+    spread = {"bias": list(every["bias (median) [m]"]), "spread": list(every["spread [m]"]), "dead": dead}
     ends = {name: f"{min(written, key=float)} to {max(written, key=float)}" for name, written in spread.items()}
     return {"bags": sections, **ends, "less": list(dict.fromkeys(less))}
 
