@@ -342,9 +342,12 @@ def _merge_parts(parts: Sequence[TablePart], unused: list[str]) -> list[TablePar
             part = before._replace(columns=columns, files=(*before.files, *part.files))
         merged[key] = part
     kept: list[TablePart] = []
-    for part in sorted(merged.values(), key=lambda part: -len(part.files)):
-        if part.table in READINGS or part.table not in {other.table for other in kept}:
+    for part in sorted(merged.values(), key=lambda part: (-len(part.files), len(part.columns))):
+        k = next((k for k, other in enumerate(kept) if other.table == part.table), -1)
+        if part.table in READINGS or k < 0:
             kept.append(part)
+        elif all(q in part.columns and part.columns[q].column == g.column for q, g in kept[k].columns.items()):
+            kept[k] = kept[k]._replace(files=(*kept[k].files, *part.files))  # such as one that has headings too
         else:
             names = ", ".join(part.file_names)
             unused.append(f"{names}: looks like {part.table} too, but has other columns than the rest; make them alike")
@@ -395,7 +398,10 @@ def _draft_run(folder: Path, data: Path) -> tuple[Draft, tuple[str, ...]]:
         setting = f'for runs: robots = ["robot"], and file = "{{run}}{Path(files[0].name).suffix}" in every table'
         doubts = (Finding("robots", "", "", fact, "perhaps", setting),)
     files = files[:1] if runs else files
-    parts = _merge_parts([part for file in files for part in _parts(file)], unused)
+    parts_of = {file.name: _parts(file) for file in files}
+    lacking = "its columns make no table, of stamps with motion, positions or readings"
+    unused += [f"{name}: {lacking}" for name, some in parts_of.items() if not some]
+    parts = _merge_parts([part for some in parts_of.values() for part in some], unused)
     for needed in ("odometry", "truth"):
         if needed not in {part.table for part in parts}:
             unread = next((line for line in unused if line.startswith(str(data))), "")
@@ -449,7 +455,8 @@ def _robots(folder: Path, parts: Sequence[TablePart]) -> tuple[str, ...]:
         return column.names("robot")
     for part in own:
         if names := file_pattern(part.file_names)[1]:
-            return names
+            named = [file_pattern(other.file_names, names)[1] or names for other in own]
+            return tuple(name for name in names if all(name in some for some in named)) or names
     files = {name for part in own for name in part.file_names}
     if len(files) == 1:
         return (Path(files.pop()).stem,)

@@ -80,6 +80,13 @@ def test_runs_whose_clocks_begin_alike_are_told_from_robots_by_their_names(tmp_p
     assert (("robots", "") in found(inspection)) == doubted
 
 
+def test_a_robot_whose_file_lacks_a_column_is_left_out_and_named(tmp_path, clean):
+    odometry = {c: v for c, v in clean["odom_blue.csv"].items() if c != "omega"}
+    inspected = cl.inspect(write(tmp_path / "team", clean | {"odom_blue.csv": odometry})).inspected
+    assert inspected.log.robots == ("red",)
+    assert any(line.startswith("odom_blue.csv: its columns") for line in inspected.unused)
+
+
 def test_a_log_toml_elsewhere_is_inspected_as_the_command_says(tmp_path, clean):
     cl.inspect(write(tmp_path / "team", clean)).write(tmp_path / "out")
     assert set(cl.inspect(tmp_path / "out").inspected.log.robots) == {"red", "blue"}
