@@ -52,7 +52,9 @@ BUDGET = ("--budget", "120")
 STEPS = (  # speed first, on an idle machine; then runs, and pages after the runs and pages that they show
     benchmark("speed", "speed.py", "speed.md"),
     study("paper"),
-    study("without-scalability", "--until-decided", "--max-trials", "320", file=f"{BENCHMARKS}/without-scalability.toml"),
+    study(
+        "without-scalability", "--until-decided", "--max-trials", "320", file=f"{BENCHMARKS}/without-scalability.toml",
+    ),
     study("three-readings"), study("readings", "--trials", "24"), study("fusion"),
     study("paper-fair", *BUDGET, command="tune"),
     study("paper-fair-mrclam", *BUDGET, command="tune", data="mrclam6"),
