@@ -271,7 +271,7 @@ def _refuse_foreign(folder: Path) -> None:
     there = list(folder.iterdir()) if folder.is_dir() else [folder]
     if all(file.name in begun or file.name.startswith(f".{MANIFEST}.") for file in there):
         return
-    raise BadInput(f"{folder} exists and is not a run directory; name another with --out")
+    raise BadInput(f"{folder} exists and is not a run directory; name another directory")
 
 
 def _continue_manifest(folder: Path, found: dict[str, Any], asked: dict[str, Any]) -> dict[str, Any]:

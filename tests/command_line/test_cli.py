@@ -105,6 +105,11 @@ def test_check_passes_a_builtin_and_fails_a_broken_file(place):
     assert "failed" in told.stdout
 
 
+def test_a_list_in_a_pipe_is_as_wide_as_a_page(tmp_path):
+    lines = inside("list", "estimators", cwd=tmp_path).stdout.splitlines()
+    assert 80 < max(map(len, lines)) <= 100
+
+
 def test_help_is_quick_because_it_imports_nothing_heavy():
     heavy = ("numpy", "pandas", "numba", "cvxpy", "scipy", "seaborn")
     program = f"import sys, cooploc.cli; print([m for m in {heavy} if m in sys.modules])"
