@@ -18,7 +18,7 @@ from rich.console import Console
 from rich.table import Table
 
 HERE = Path(__file__).resolve().parent
-BENCHMARKS = HERE.parent / "benchmarks"
+BENCH = HERE.parent / "benchmarks"
 PYTHON, COOPLOC = sys.executable, (sys.executable, "-m", "cooploc")
 
 
@@ -39,7 +39,7 @@ def study(name: str, *options: str, data: str = "", file: str = "", command: str
 
 def benchmark(name: str, script: str, page: str, *more: str) -> Step:
     """Return a page, or a section of one, that a script in benchmarks measures."""
-    return Step(name, (PYTHON, str(BENCHMARKS / script), str(HERE / page), *more))
+    return Step(name, (PYTHON, str(BENCH / script), str(HERE / page), *more))
 
 
 def page(name: str, out: str, *recordings: str) -> Step:
@@ -51,12 +51,9 @@ def page(name: str, out: str, *recordings: str) -> Step:
 BUDGET = ("--budget", "120")
 STEPS = (  # speed first, on an idle machine; then runs, and pages after the runs and pages that they show
     benchmark("speed", "speed.py", "speed.md"),
-    study("paper"),
-    study(
-        "without-scalability", "--until-decided", "--max-trials", "320", file=f"{BENCHMARKS}/without-scalability.toml",
-    ),
-    study("three-readings"), study("readings", "--trials", "24"), study("fusion"),
-    study("paper-fair", *BUDGET, command="tune"),
+    study("paper"), study("three-readings"),
+    study("without-scalability", "--until-decided", "--max-trials", "320", file=f"{BENCH}/without-scalability.toml"),
+    study("readings", "--trials", "24"), study("fusion"), study("paper-fair", *BUDGET, command="tune"),
     study("paper-fair-mrclam", *BUDGET, command="tune", data="mrclam6"),
     benchmark("rates", "statistics/rates.py", "statistics.md"), study("reasons"), study("information"),
     study("sensitivity"), study("gbp"), study("mrclam", data="mrclam6"), study("sightings"),
