@@ -18,7 +18,7 @@ import traceback
 import warnings
 from collections.abc import Callable, Collection, Iterator, Mapping
 from concurrent.futures import BrokenExecutor, Executor, Future
-from functools import cache
+from functools import cache, partial
 from multiprocessing import resource_tracker
 from multiprocessing.util import Finalize
 from pathlib import Path
@@ -119,7 +119,12 @@ def submit(owner: str, jobs: int, function: Callable[..., Any], *arguments: Any)
     # loky warns in a thread that serves all calls: where warnings are errors, they would all be lost
     warnings.filterwarnings("ignore", "A worker (stopped|was restarted) while some jobs were given", UserWarning)
     sent = cloudpickle.dumps((function, arguments))  # a worker reads it where an error can be caught
-    return pool(owner, jobs).submit(_run_call, os.getcwd(), sys.path, needed_files(sent), sent)
+    run = partial(_run_call, os.getcwd(), sys.path, needed_files(sent), sent)
+    try:
+        return pool(owner, jobs).submit(run)
+    except BrokenExecutor:  # a process died between two calls
+        end(owner)
+        return pool(owner, jobs).submit(run)
 
 
 def wait_for(owner: str, future: "Future[Outcome]", seconds: float = float("inf"), limit: float = float("inf")) -> Any:

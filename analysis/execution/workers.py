@@ -52,7 +52,7 @@ from cooploc.scenarios.process import (
     end_all,
     limit_time,
     place_of,
-    pool,
+    submit,
 )
 from cooploc.scenarios.runner.run import PluginJob, Run, trace_in_process
 from cooploc.scenarios.runner.tick import EstimatorError
@@ -205,7 +205,7 @@ def explain_failure(e: BaseException) -> tuple[str, str]:
 # Where tasks run.
 
 Compute = Callable[[list[Task]], Iterator[MeasuredPart]]  # yields the parts of every task, in any order
-Measuring = Future[list[MeasuredPart]]
+Measuring = Future[Any]  # of the parts of a task
 
 
 @contextmanager
@@ -277,10 +277,11 @@ class LocalProcesses:
         self.window = jobs + 1  # tasks that may run or wait at a time: the suspects when a worker dies
 
     def submit(self, task: Task) -> Measuring:
-        return pool(BUILTIN, self._jobs).submit(measure_all, task)
+        return submit(BUILTIN, self._jobs, measure_all, task)
 
     def result(self, future: Measuring) -> list[MeasuredPart]:
-        return future.result()
+        parts: list[MeasuredPart] = future.result().unpack()
+        return parts
 
     def wait_any(self, running: Iterable[Measuring]) -> set[Measuring]:
         return wait(running, return_when=FIRST_COMPLETED).done
@@ -320,7 +321,8 @@ class DaskCluster:
     def result(self, future: Measuring) -> list[MeasuredPart]:
         """Return the parts of a task."""
         try:
-            return future.result()
+            parts: list[MeasuredPart] = future.result()
+            return parts
         except (asyncio.CancelledError, CancelledError):
             raise self._lost from None
         except (ImportError, AttributeError) as e:
@@ -397,7 +399,7 @@ def compile_kernels(tasks: Iterable[Task], jobs: int, begin: Callable[[], None])
         _compile_all(pieces[0])
     else:
         with suppress(BrokenExecutor):  # what broke it is met again, and said, in the run
-            for future in [pool(BUILTIN, processes).submit(_compile_all, piece) for piece in pieces]:
+            for future in [submit(BUILTIN, processes, _compile_all, piece) for piece in pieces]:
                 future.result()
         if processes != jobs:
             end(BUILTIN)

@@ -1,12 +1,16 @@
 """Whatever a plug-in does to its process costs its own trials alone: a few cells of benchmarks/reliability."""
 
 import json
+import os
+import signal
+import time
 
 import pandas as pd
 import pytest
 from processes import inside
 
 from cooploc.analysis.execution.run import execute, prepare
+from cooploc.scenarios.process import BUILTIN, pool
 from cooploc.scenarios.studies.study import Study
 
 pytestmark = pytest.mark.slow
@@ -72,12 +76,7 @@ def failures(rows):
     return rows.dropna(subset="failure").groupby("trial")["failure"].first().to_dict()
 
 
-IN_COMPANY = pytest.mark.xfail(
-    reason="a segfault in company has taken another trial with it, one run in many: cause unknown"
-)
-
-
-@pytest.mark.parametrize("jobs", [1, pytest.param(2, marks=IN_COMPANY)])
+@pytest.mark.parametrize("jobs", [1, 2])
 def test_what_a_plug_in_does_to_its_process_costs_its_own_trials(place, jobs):
     names = ("dead-reckoning", *(f"bad.py:{name}" for name in SAID))
     study = Study(name="cells", trials=2, baseline="dead-reckoning", scenarios=(WORLD,), estimators=names)
@@ -90,6 +89,21 @@ def test_what_a_plug_in_does_to_its_process_costs_its_own_trials(place, jobs):
     same = rows[rows["estimator"] == "dead-reckoning"].reset_index(drop=True)
     alone["ticks"] = alone["ticks"].astype(same["ticks"].dtype)  # beside rows without any, they are no whole numbers
     pd.testing.assert_frame_equal(same.drop(columns="seconds"), alone.drop(columns="seconds"))
+
+
+def test_processes_that_are_kept_find_the_files_of_the_next_run_in_its_directory(place, monkeypatch):
+    """They were started in the directory of the run before; and one of them died meanwhile."""
+    for folder in ("first", "second"):
+        (place / folder).mkdir()
+        (place / folder / f"{folder}.py").write_text(FILE)
+        monkeypatch.chdir(place / folder)
+        names = ("dead-reckoning", f"{folder}.py:Wanders")
+        study = Study(name="cells", trials=2, scenarios=(WORLD,), estimators=names)
+        assert not failures(execute(prepare(study), place / folder / "run", jobs=2, check=False))
+        kept = pool(BUILTIN, 2)
+        os.kill(next(iter(kept._processes)), signal.SIGKILL)
+        while not kept._flags.broken:
+            time.sleep(0.05)
 
 
 def test_a_scenario_that_hangs_costs_the_trial_where_it_does(place):
