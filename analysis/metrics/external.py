@@ -81,10 +81,12 @@ def _require_fit(name: str, trace: Trace, stream: Stream) -> None:
             f"{name}: poses have shape {trace.x.shape}, not (trial, tick, robot, 2 or 3), and this stream has {trials} "
             f"trials, {ticks} ticks, {robots} robots"
         )
-    for i, k, robot in np.argwhere(~np.isfinite(trace.x).all(-1)):
-        where = f"robot {robot} in trial {stream.trial[i]}, tick {k}"
-        raise BadInput(f"{name}: the pose of {where} is not finite; every tick needs one")
-    if not np.isnan(trace.P).all():
+    known = not np.isnan(trace.P).all()
+    for what, array in (("pose", trace.x), ("covariance", trace.P))[: 1 + known]:
+        for i, k, robot in np.argwhere(~np.isfinite(array).reshape(*team, -1).all(-1)):
+            where = f"robot {robot} in trial {stream.trial[i]}, tick {k}"
+            raise BadInput(f"{name}: the {what} of {where} is not finite; every tick needs one")
+    if known:
         try:
             require_covariances(name, stream, trace.P)
         except EstimatorError as e:

@@ -19,7 +19,7 @@ from cooploc.analysis.metrics.statistics import Interval
 from cooploc.analysis.report.tables import Table, TableColumn, number_column, text_column
 from cooploc.estimators.registry import shorten_labels
 
-SAME, NOTHING, WORSE = "bit-equal", "no difference shown", ("worse", "fails more")  # verdicts
+SAME, NOTHING, WORSE = "bit-equal", "no difference shown", ("worse", "fails more", "gone")  # verdicts
 REMARKED = "verdict", "pairing", "failed_a", "failed_b"
 SETTINGS = ("seed", "data", "source", "commit", "cpu")
 EXACT = ["mse", "anees", "coverage95"]
@@ -35,7 +35,7 @@ COLUMNS = {
     "change_low": "its 95 % interval",
     "change_high": "",
     "p": "of a change, adjusted by Holm over all rows that are not bit-equal",
-    "verdict": "bit-equal; worse or better, where p is at most 0.05; fails more; or no difference shown",
+    "verdict": "bit-equal; worse or better, where p is at most 0.05; fails more; gone; or no difference shown",
     "anees_a": "ANEES of those trials in the first run",
     "anees_b": "and in the second",
     "consistency_a": "the flag, over all trials of the first run",
@@ -77,10 +77,12 @@ def changes(a: StoredRun, b: StoredRun) -> pd.DataFrame:
 
 
 def _verdict(row: Mapping[Any, Any]) -> str:
-    if not row["trials"] > 0:
-        return ""
+    if row["pairing"] == "only in the first run":
+        return "gone"
     if row["failed_b"] > row["failed_a"]:
         return "fails more"
+    if not row["trials"] > 0:
+        return ""
     if row["equal"] == row["trials"]:
         return SAME
     return NOTHING if not row["p"] <= 1 - statistics.LEVEL else "worse" if row["change"] > 0 else "better"

@@ -110,6 +110,14 @@ def test_a_trace_that_does_not_fit_is_refused(ours, change, reason):
         cl.judge(truth, stream, {"mine": cl.Trace.of(change(run.traces["ekf-local"].x))})
 
 
+def test_a_covariance_may_not_be_left_out_where_it_would_be_bad(ours):
+    truth, stream, run = ours
+    trace = run.traces["ekf-local"]
+    some = np.where(np.arange(6)[:, None, None, None] == 4, np.nan, trace.P)
+    with pytest.raises(cl.BadInput, match="the covariance of robot 0 in trial 0, tick 4 is not finite"):
+        cl.judge(truth, stream, {"mine": cl.Trace.of(trace.x, some)})
+
+
 def test_a_stream_file_or_a_label_is_judged_beside_our_own(ours, written, tmp_path):
     ours[1].save(tmp_path / "stream.npz")
     shutil.rmtree(written / "dead-reckoning")

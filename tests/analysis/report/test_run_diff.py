@@ -69,6 +69,8 @@ def test_two_runs_that_do_not_differ_are_called_different_in_at_most_5_percent()
         (lambda rows: rows.assign(mse=np.where(rows["estimator"] == "b", 2.0, 1.0) * rows["mse"]), True, True),
         (lambda rows: rows.assign(mse=np.where(rows["estimator"] == "b", 0.5, 1.0) * rows["mse"]), False, True),
         (lambda rows: rows.assign(failure=np.where(rows["trial"] == 2, "it broke", None)), True, True),
+        (lambda rows: rows.assign(failure="it broke", mse=np.nan), True, True),
+        (lambda rows: rows[rows["estimator"] == "a"], True, True),
     ],
 )
 def test_a_job_can_fail_where_an_estimator_became_worse(tmp_path, alter, failing, different):
