@@ -32,6 +32,8 @@ Strict = Annotated[bool, typer.Option("--strict", help="refuse a recording with 
 Claims = Annotated[Path | None, typer.Option(help="TOML file of claims [default: those of the paper]")]
 Seed = Annotated[int | None, typer.Option(help="random seed")]
 Out = Annotated[Path | None, typer.Option(help="run directory [default: runs/STUDY-seedN]")]
+Wide = Annotated[bool, typer.Option("--wide", help="print every column, however wide")]
+Legend = Annotated[bool, typer.Option("--legend", help="say what columns and words mean")]
 AsJson = Annotated[bool, typer.Option("--json", help="print the table as JSON, and nothing else on stdout")]
 
 
@@ -86,7 +88,8 @@ def run(
     isolate: Isolate = True,
     strict: Strict = False,
     as_json: AsJson = False,
-    wide: Annotated[bool, typer.Option("--wide", help="print every column, and what each means")] = False,
+    wide: Wide = False,
+    legend: Legend = False,
     sort: Annotated[str, typer.Option(help="column of table.csv by which rows are printed, or study")] = "rmse",
     until_decided: Annotated[
         bool, typer.Option("--until-decided", help="stop what is decided after 10, 20, ... trials")
@@ -104,7 +107,7 @@ def run(
         results = cl.run_until(study, max_trials=1000 if max_trials is None else max_trials, **how)
     else:
         results = cl.run_study(study, trials=trials, **how)
-    terminal.tables.show_results(results.table, results.rows, results.folder, as_json, wide, sort)
+    terminal.tables.show_results(results.table, results.rows, results.folder, as_json, wide, legend, sort)
     if len(results.failures):
         raise typer.Exit(1)
 
@@ -199,12 +202,14 @@ def judge(
     data: Recordings = None,
     offline: Annotated[bool, typer.Option("--offline", help="they saw later readings, as smoothers do")] = False,
     as_json: AsJson = False,
+    wide: Wide = False,
+    legend: Legend = False,
 ) -> None:
     """Judge trajectories computed elsewhere, from TUM files, with the truth of a stream."""
     from cooploc.analysis.metrics.external import evaluate_external
 
     rows, table = evaluate_external(stream, tum, estimators, offline, trials=trials, seed=seed, data=data)
-    terminal.tables.table(table, rows, as_json)
+    terminal.tables.table(table, rows, as_json, wide, legend)
 
 
 @app.command()
@@ -241,14 +246,15 @@ def report(
 
 
 @app.command()
-def verdicts(folder: RunDirectory, ledger: Claims = None) -> None:
+def verdicts(folder: RunDirectory, ledger: Claims = None, wide: Wide = False, legend: Legend = False) -> None:
     """Print which of a paper's claims a run supports, contradicts or leaves open."""
     from cooploc import api
     from cooploc.analysis.claims.ledger import load
 
     found, mapped = api.verdicts_and_readings(folder, ledger)
-    terminal.tables.show_verdicts(found, load(ledger))
-    terminal.tables.show_interpretations(mapped)
+    terminal.tables.show_verdicts(found, load(ledger), wide, legend)
+    terminal.tables.show_interpretations(mapped, wide, legend)
+    terminal.tables.say_next(f"cooploc report {folder} (a page with these verdicts); --legend says what words mean")
 
 
 @app.command()
@@ -261,13 +267,15 @@ def compare(
     fail_if: Annotated[
         str, typer.Option(help="worse: exit code 1 where an error grew; different: where any bit did")
     ] = "",
+    wide: Wide = False,
 ) -> None:
     """Say what changed from one run to another, trial by trial where their streams are the same."""
     found, title = cl.compare_runs(before, after), f"from {before} to {after}"
     if markdown:
         typer.echo(found.markdown(title))
     else:
-        terminal.tables.show_changes(title, found.settings, found.table, found.sentences)
+        terminal.tables.show_changes(title, found.settings, found.table, found.sentences, wide)
+        terminal.tables.say_next(f"cooploc report {after}; --wide prints what is bit-equal, too")
     if found.is_any(fail_if):
         raise typer.Exit(1)
 

@@ -31,7 +31,6 @@ HOLM = (
         "stands",
         of=("stands", "verdict"),
         form=lambda stands, verdict: ("yes" if stands else "no") if verdict in DECIDED else "",
-        second_line=True,
     ),
 )
 

@@ -32,7 +32,9 @@ CONSISTENCY = {flag: flag for flag in ("over-confident", "over-wide", "conservat
 CONSISTENCY["not shown"] = "consistency not shown"
 REMARKS = {  # what the words of a remark mean
     "over-wide": "ANEES below 0.1",
-    "consistency not shown": "the interval of ANEES holds 0.67 or 1.5: more trials decide",
+    "over-confident": "the interval of ANEES lies above 1.5: errors are larger than it states",
+    "conservative": "the interval of ANEES lies below 0.67",
+    "not shown": "the interval of ANEES holds 0.67 or 1.5: more trials decide whether it is consistent",
     "centralised": "every reading reaches one computer",
     "bound": "uses all readings; no estimator is better in a simulated world",
     "preset": "our reading of its paper",
@@ -169,6 +171,40 @@ def result_columns(baselines: Iterable[str], until_decided: bool) -> tuple[Table
     head = f"vs {shorten_labels(names.pop())}" if len(names) == 1 else "vs baseline"
     columns = (*RESULTS, DECIDED) if until_decided else RESULTS
     return tuple(replace(column, head=head) if column.head == "vs baseline" else column for column in columns)
+
+
+def _without_standing(estimator: str, certificate: str, *rest: Any) -> str:
+    """Return a remark without what has a column of its own, and without whose reading of a paper it is."""
+    return remark(estimator, certificate, "", *rest).removeprefix(standing(estimator)).removeprefix(", ")
+
+
+def _bracketed(head: str, value: TableColumn, ends: TableColumn, **layout: Any) -> TableColumn:
+    """Return one column of a value and its interval, as in "0.332 [0.254, 0.432]"; per cent are said in the head."""
+    of = value.of or value.keys
+
+    def write(*values: Any) -> str:
+        text, both = value.form(*values[: len(of)]), ends.form(*values[len(of) :])
+        joined = f"{text} [{both.replace(' to ', ', ')}]" if " to " in both else f"{text} {both}".strip()
+        return joined.replace(" %", "")
+
+    return number_column(head, *value.keys, of=(*of, *(ends.of or ends.keys)), form=write, **layout)
+
+
+def essential_columns(baselines: Iterable[str], until_decided: bool) -> tuple[TableColumn, ...]:
+    """Return the columns of 80 characters: who, how consistent, how large the error and its change, how many bytes."""
+    named = {column.keys[0]: column for column in result_columns(baselines, until_decided)}
+    remarks, versus = named["consistency"], named["change"]
+    others = tuple(key for key in remarks.of if key != "consistency")
+    return (
+        named["estimator"],
+        replace(remarks, keys=("failed",), of=others, form=_without_standing),
+        replace(named["certificate"], second_line=True),
+        *([replace(DECIDED, second_line=True)] if until_decided else ()),
+        text_column("consistency"),
+        _bracketed("RMSE [m]", named["rmse"], named["rmse_low"]),
+        _bracketed(f"{versus.head} [%]", versus, named["change_low"], about=versus.about),
+        named["bytes"],
+    )
 
 
 # ------------------------------------------------------------------------------------------------ tables

@@ -41,21 +41,25 @@ class PlainConsole(Console):
         return super().render_str(visible(text), **options)
 
 
-def wide(stderr: bool = False) -> Console:
+PIPED, UNLIMITED = 100, 400  # characters that a table may be wide in a file or a pipe; with every column
+
+
+def wide(stderr: bool = False, every: bool = False) -> Console:
     """Return a console as wide as the terminal, which breaks lines between words.
 
-    In a file or a pipe lines are as long as they are, for other programs.
+    In a file or a pipe sentences are as long as they are, for other programs, and tables as wide as a page, or, with
+    `every` column, as they need.
     """
     console = PlainConsole(stderr=stderr)
     if console.is_terminal:
         return console
-    return PlainConsole(stderr=stderr, soft_wrap=True, width=400)
+    return PlainConsole(stderr=stderr, soft_wrap=True, width=UNLIMITED if every else PIPED)
 
 
 # The progress of a run on stderr: a bar on a terminal, a line now and then elsewhere.
 
 LINE_EVERY = 5.0  # [s]
-ENOUGH = 0.02  # of the trials, before which the time left cannot be estimated
+ENOUGH, LONG = 0.1, 60.0  # share of the trials, or [s], before which compilation hides how fast a run is
 
 
 class TerminalProgress:
@@ -96,8 +100,8 @@ class TerminalProgress:
         """Take note of a finished part."""
         self.done, self.failed = self.done + trials, self.failed + failed
         share = (self.done - self.found) / max(1, self.total - self.found)
-        seconds = (time.monotonic() - self._began) * (1 - share) / share
-        left = f", about {duration(seconds)} left" if share > ENOUGH else ""
+        spent = time.monotonic() - self._began
+        left = f", about {duration(spent * (1 - share) / share)} left" if share > ENOUGH or spent > LONG else ""
         text = f"{left}{f', {self.failed} failed' if self.failed else ''} ({visible(what)})"
         if self._bar:
             self._bar.update(self._task, completed=self.done, description=text)

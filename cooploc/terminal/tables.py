@@ -27,6 +27,7 @@ from cooploc.analysis.report.result_tables import (
     STOPPED,
     STUDY,
     decision,
+    essential_columns,
     events,
     failures,
     lowest_that_qualifies,
@@ -35,7 +36,7 @@ from cooploc.analysis.report.result_tables import (
 )
 from cooploc.analysis.report.tables import Table, csv_text, number_column, text_column
 from cooploc.estimators.registry import shorten_labels
-from cooploc.scenarios.conformance import Report
+from cooploc.scenarios.conformance import Report, sentences
 from cooploc.scenarios.recordings.scenario import NO_ORDER
 from cooploc.terminal.console import wide
 
@@ -58,7 +59,7 @@ def keep_tables(table: pd.DataFrame, rows: pd.DataFrame, folder: Path) -> None:
 
 
 def show_results(
-    found: pd.DataFrame, rows: pd.DataFrame, folder: Path, as_json: bool, every_column: bool, sort: str
+    found: pd.DataFrame, rows: pd.DataFrame, folder: Path, as_json: bool, every_column: bool, legend: bool, sort: str
 ) -> None:
     """Print the results of a run by rising `sort`, then failures, where the files are, and what to do next."""
     manifest, console = RunDir(folder).manifest, wide(stderr=as_json)
@@ -67,7 +68,7 @@ def show_results(
     weak = {name: [text for text in notes.get(name, []) if NO_ORDER in text] for name, _ in parts}
     if not as_json:
         found = pd.concat([sort_rows(part, STUDY if weak[name] else sort) for name, part in parts])
-    table(found, rows, as_json, every_column)
+    table(found, rows, as_json, every_column, legend)
     for name, part in _by_scenario(found) if manifest.get("data") is not None else []:
         for text in recording_lines(part, weak[name]):
             console.print(text)
@@ -78,7 +79,7 @@ def show_results(
     picture = f"{folder / 'rmse.png'}" if (folder / "rmse.png").exists() else f"cooploc report {folder}"
     for place in (f"picture: {picture}", f"table, every column: {folder / 'table.csv'}", f"run: {folder}"):
         console.print(place)
-    console.print(f"next: cooploc report {folder}; --wide prints every column")
+    console.print(f"next: cooploc report {folder}; --wide prints every column, --legend what they mean")
 
 
 def recording_lines(part: pd.DataFrame, weak: list[str]) -> list[str]:
@@ -101,9 +102,11 @@ def _by_scenario(table: pd.DataFrame) -> list[tuple[str, pd.DataFrame]]:
     return [(str(name), part) for name, part in table.groupby("scenario", sort=False)]
 
 
-def table(table: pd.DataFrame, rows: pd.DataFrame, as_json: bool, every_column: bool = True) -> None:
+def table(
+    table: pd.DataFrame, rows: pd.DataFrame, as_json: bool, every_column: bool = False, legend: bool = False
+) -> None:
     """Print the table of `compare`, or JSON alone on stdout, and what a reader must know of it."""
-    console = wide(stderr=as_json)
+    console = wide(stderr=as_json, every=every_column)
     if as_json:
         print(json.dumps(records(table), indent=1))
     else:
@@ -112,12 +115,12 @@ def table(table: pd.DataFrame, rows: pd.DataFrame, as_json: bool, every_column: 
             best = lowest_that_qualifies(one.rows)
             console.print(one.terminal(partial(_bold, best)))
             console.print()
-        console.print("bold: the lowest RMSE of those that may be called best", style="dim")
-        if every_column:
-            for text in (*_legend(shown), *[STOPPED] * ("look" in table)):
-                console.print(text, style="dim")
-            if (counted := events(rows)).rows:
-                console.print(counted.terminal())
+        brackets = "" if every_column else "in brackets: 95 % intervals over trials; "
+        console.print(f"{brackets}bold: the lowest RMSE of those that may be called best", style="dim")
+        for text in (*_legend(shown), *[STOPPED] * ("look" in table)) if legend else ():
+            console.print(text, style="dim")
+        if every_column and (counted := events(rows)).rows:
+            console.print(counted.terminal())
     for text in (*ranking.certificate_remarks(table), *outlier_warnings(table)):
         console.print(text)
 
@@ -133,16 +136,12 @@ def records(table: pd.DataFrame) -> list[dict[str, Any]]:
     return values.where(known, None).to_dict("records")  # type: ignore[return-value]
 
 
-# Keys of the columns that a terminal shows without --wide.
-ESSENTIAL = ("estimator", "consistency", "certificate", "rmse", "rmse_low", "change", "change_low", "bytes", "verdict")
-
-
 def _results(scenario: str, part: pd.DataFrame, every_column: bool = True) -> Table:
     """Return the table of one scenario."""
     first, rows = part.iloc[0], part.to_dict("records")
     size = f"{count_of(first['robots'], 'robot')}, {count_of(part['trials'].max(), 'trial')}"
-    columns = [column for column in result_columns(part["baseline"], "look" in part) if not column.report_only]
-    columns = [c for c in columns if every_column or c.keys[0] in ESSENTIAL]
+    choose = result_columns if every_column else essential_columns
+    columns = [column for column in choose(part["baseline"], "look" in part) if not column.report_only]
     columns = [c for c in columns if not c.rare or (part[c.keys[0]].fillna(0) != 0).any()]
     return Table("results", f"{scenario}: {size}, stream {first['stream'][:12]}", tuple(columns), rows)
 
@@ -151,7 +150,7 @@ def _legend(tables: list[Table]) -> list[str]:
     """Return what the columns and the remarks that are shown mean."""
     texts = {c: {c.text(row) for row in one.rows} - {""} for one in tables for c in one.columns}
     heads = {("vs" if c.keys[0] == "change" else c.head): c.about for c, found in texts.items() if c.about and found}
-    remarks = " ".join(text for c, found in texts.items() if c.head == "remark" for text in found)
+    remarks = " ".join(text for c, found in texts.items() if c.head in ("remark", "consistency") for text in found)
     heads |= {word: about for word, about in REMARKS.items() if word in remarks}
     return [f"{word}: {about}" for word, about in heads.items()]
 
@@ -234,13 +233,20 @@ VERDICT_LEGEND = (
     "Each verdict is of one reading of the paper; cl.readings judges a claim in all that were run (the study "
     "readings runs them)."
 )
+READING_LEGEND = (
+    "A specification is a case (scenario, estimators) in a reading of the paper; what runs the same counts once. "
+    "letter: the reading nearest to the words of the paper; code: what public code of its authors does. implausible: "
+    "the method compared with is worse than dead reckoning."
+)
 STYLES = {"supported": "green", "direction only": "yellow", "flat": "magenta", "contradicted": "red"}
 STYLES |= {"undecided": "cyan"}
 
 
-def show_verdicts(verdicts: pd.DataFrame, ledger: ledgers.Ledger) -> None:
-    """Print a table for every claim, then the readings, what the numbers mean, and how many verdicts may be false."""
-    console, skipped = wide(), []
+def show_verdicts(
+    verdicts: pd.DataFrame, ledger: ledgers.Ledger, every_column: bool = False, legend: bool = False
+) -> None:
+    """Print a table for every claim, then the readings, and how many verdicts may be false."""
+    console, skipped = wide(every=every_column), []
     console.print(ledger.paper)
     for claim, part in verdicts.groupby("claim", sort=False):
         if (part["verdict"] == "not run").all():
@@ -258,26 +264,27 @@ def show_verdicts(verdicts: pd.DataFrame, ledger: ledgers.Ledger) -> None:
         console.print(f"Not run at all, as this run lacks their scenarios or estimators: claims {join_words(skipped)}")
     ran = set(verdicts.loc[verdicts["verdict"] != "not run", "variant"])
     abouts = [f"{name}: {variant.about}" for name, variant in ledger.variants.items() if name in ran]
-    for text in (*abouts, VERDICT_LEGEND):
+    for text in (*abouts, VERDICT_LEGEND) if legend else ():
         console.print(text, style="dim")
     console.print(str(count_verdicts(verdicts)))
 
 
-def show_interpretations(found: pd.DataFrame) -> None:
+def show_interpretations(found: pd.DataFrame, every_column: bool = False, legend: bool = False) -> None:
     """Print in how many readings of the paper each claim holds, where a run holds more than one."""
     if found["preset"].all():
         return
-    console, counts = wide(), shares(found)
+    console, counts = wide(every=every_column), shares(found)
     console.print("\nThe claims over all readings of the paper that were run", style="bold")
     console.print(claim_tables.over_readings(counts).terminal())
     for row in counts.to_dict("records"):
         console.print(f" {row['claim']}. {row['says']}: {row['sentence']}.")
-    console.print(
-        "A specification is a case (scenario, estimators) in a reading of the paper; what "
-        "runs the same counts once. letter: the reading nearest to the words of the paper; code: what public code "
-        "of its authors does. implausible: the method compared with is worse than dead reckoning.",
-        style="dim",
-    )
+    if legend:
+        console.print(READING_LEGEND, style="dim")
+
+
+def say_next(step: str) -> None:
+    """Print what to do next, as the last line."""
+    wide().print(f"next: {step}")
 
 
 def show_report(page: Path) -> None:
@@ -298,16 +305,17 @@ def show_paper(example: Path) -> None:
     console.print(f"to see them all: cd {folder} && {latex} && bibtex {example.stem} && {latex} && {latex}")
 
 
-def show_changes(title: str, settings: list[str], found: pd.DataFrame, sentences: list[str]) -> None:
-    """Print what changed between two runs."""
+def show_changes(title: str, settings: list[str], found: pd.DataFrame, said: list[str], everything: bool) -> None:
+    """Print what changed between two runs; rows and columns that did not only where `everything` is asked for."""
     from cooploc.analysis.report import run_diff
 
-    console = wide()
+    console = wide(every=everything)
     for text in (title, *settings, ""):
         console.print(text)
-    if len(found):
-        console.print(run_diff.table(found).terminal())
-    for text in sentences:
+    shown = found if everything else found[found["verdict"] != run_diff.SAME]
+    if len(shown):
+        console.print(run_diff.table(shown).terminal())
+    for text in said:
         console.print(text)
 
 
@@ -377,8 +385,15 @@ def show_tuning(
 
 
 def show_checks(report: Report) -> None:
-    """Print the results, and how many of the checks passed, failed and were skipped."""
-    wide().print(report.table())
+    """Print the results, how many of the checks passed, failed and were skipped, and what to do next."""
+    console, columns = wide(), (text_column("check"), text_column("result"), text_column("what was found", "found"))
+    rows = [{"check": r.check, "result": r.status, "found": "\n".join(sentences(r))} for r in report.results]
+    console.print(Table("checks", "", columns, rows).terminal())
+    console.print(report.summary())
+    if report.passed:
+        say_next(f"cooploc run quick --estimators mrsl-rssi,{report.name}")
+    else:
+        say_next("correct what failed, and check again")
 
 
 USES = "uses: a|b is the first of the two that a scenario has; a? is used where it is there"
@@ -391,16 +406,12 @@ HEADS = {
 }
 
 
-PIPED = 100  # characters in a line of a list, in a file or a pipe
-
-
 def show_list(kind: str, listed: pd.DataFrame) -> None:
     """Print the table of `cl.estimators()`, `cl.scenarios()` or `cl.studies()`, then plug-ins that cannot be used."""
     broken = listed["problem"] != "" if "problem" in listed else pd.Series(False, listed.index)
     rows = [_row(row) for row in listed[~broken].to_dict("records")]
     console = wide()
-    width = console.width if console.is_terminal else PIPED
-    console.print(Table(kind, kind, HEADS[kind], rows).terminal(), width=width, soft_wrap=False)
+    console.print(Table(kind, kind, HEADS[kind], rows).terminal())
     for row in listed[broken].to_dict("records"):
         console.print(f"  {row['name']}: not usable, {row['problem']}")
     if kind == "estimators":

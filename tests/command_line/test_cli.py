@@ -128,3 +128,13 @@ def test_a_terminals_table_has_every_estimator_and_no_line_beyond_its_width(ran,
         assert all(len(line) <= width for line in lines)
         assert ("not shown at this width" in told.stdout) == (bool(options) and width < 160)
         assert ("ANEES" in told.stdout) == bool(options)
+
+
+def test_tables_in_a_pipe_are_as_wide_as_a_page_and_legends_are_for_who_asks(ran, place):
+    for command in (("run", "small.toml", "--out", "run"), ("check", "ekf-ci")):
+        tables = [line for line in inside(*command, cwd=place).stdout.splitlines() if line.startswith(" ")]
+        assert 60 < max(map(len, tables)) <= 100, command
+    wide, legend = (inside("run", "small.toml", "--out", "run", f"--{o}", cwd=place).stdout for o in ("wide", "legend"))
+    assert max(map(len, wide.splitlines())) > 120
+    assert "every reading reaches one computer" in legend
+    assert "every reading reaches one computer" not in wide
