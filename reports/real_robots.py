@@ -105,7 +105,7 @@ def wifi(data: Path) -> str:
     rows = []
     for trial in range(11):
         row: dict[str, str] = {}
-        for label, word in (("wifi/all", "least squares"), ("wifi/all[robust=true]", "robust")):
+        for label, word in (("wifi/all[robust=false]", "least squares"), ("wifi/all[robust=true]", "robust")):
             truth, stream = cl.simulate(label, data=data / "wifi-rssi", trials=[trial])
             name = Path(stream.notes["recording"]).name
             row |= {"run": name, "set-up": name.partition("_")[0].rstrip("0123456789")}

@@ -92,7 +92,7 @@ BUILTIN: dict[str, Family] = {
     "wifi": Family(
         "a real robot among four WiFi nodes (Latif & Parasuraman): a run by name, or all",
         "cooploc.scenarios.recordings.scenario:TeamScenario",
-        {"described": "wifi", "robust": False},
+        {"described": "wifi"},
         recorded=True,
         word="run",
     ),

@@ -541,6 +541,21 @@ def link_residuals(
                     yield LinkResiduals(quantity, unit, name, fitted, r.distance[mine], e[mine] - bias, sigma)
 
 
+def odometry_residuals(
+    log: TeamLog, part: FitPart, models: TeamModels, how: FitSettings
+) -> Iterator[tuple[str, Array, float]]:
+    """Yield quantity, residuals (m,) over the square root of their interval, and sigma, robot by robot."""
+    motion, of = models.motion, {"displacement": _displacements, "length": _arcs, "turn": _turns}
+    sigmas = {"displacement": motion.sigma} if isinstance(motion, Displacement) else {}
+    if isinstance(motion, Unicycle):
+        sigmas = {"length": motion.sigma_v * how.tick, "turn": motion.sigma_omega * how.tick}
+    for robot, scale in zip(log.robots, models.scales, strict=True):
+        for track in tracks_of([part], robot, how.tick, how.gaps):
+            for what, sigma in sigmas.items():
+                x, y, dt = of[what](track._replace(odometry=track.odometry * scale))
+                yield what, (y - x) / np.sqrt(dt), sigma / how.tick**0.5
+
+
 def _errors(channel: Channel, r: Residuals, models: TeamModels) -> Iterator[tuple[str, str, Array, float]]:
     """Yield quantity, unit, residuals (m,) before any bias, and sigma."""
     name, sensor = channel.replace("_", " "), models.sensors[SENSOR.get(channel, channel)]

@@ -32,6 +32,7 @@ from cooploc.scenarios.recordings.fit import (
     link_residuals,
     team_models,
 )
+from cooploc.scenarios.recordings.fit_choice import choose_fit
 from cooploc.scenarios.recordings.prior import start_belief
 from cooploc.scenarios.recordings.sampling import Gaps, Grid, grid_of_lines, resample_readings
 from cooploc.scenarios.recordings.schema import NAME, TeamDescription
@@ -130,6 +131,8 @@ class JudgedRun(NamedTuple):
     parts: list[FitPart]  # on which the models were fitted
     models: TeamModels
     arena: Array  # (2, 2) [m]
+    how: FitSettings
+    choice: str  # why the fit is robust or not, in a sentence
 
 
 class TeamScenario(schema.Model):
@@ -140,7 +143,7 @@ class TeamScenario(schema.Model):
     run: str = ALL
     bias: Literal["fitted", "none"] = "fitted"  # of ranges: subtracted as fitted; or raw, and part of sigma
     correlation: Literal["inflate", "ignore"] = "inflate"  # of readings in time: a larger sigma, or none
-    robust: bool = True  # whether Huber's loss is minimised, so that one bad run counts little
+    robust: bool | None = None  # whether Huber's loss is minimised; None: where it predicts no worse
     packets: Literal["every tick", "with a reading"] = "every tick"
     tick: Annotated[float, Field(ge=0.01, le=60)] | None = None  # [s]
     start: Annotated[float, Field(ge=0)] | None = None  # [s] left out at the beginning
@@ -179,14 +182,18 @@ class TeamScenario(schema.Model):
         else:
             others = self.folder.others(self.run) if fit.on == "other runs" else []
             parts = [FitPart(other, *sampling.span(other), lines) for other in others]
-        models = team_models(log, parts, self._fit_settings(grid.tick))
+        how, choice = self._fit_settings(grid.tick), "fitted as asked"
+        if self.robust is None:
+            how, choice = choose_fit(log, parts, how)
+        models = team_models(log, parts, how)
         if self.folder.description.arena:
-            return JudgedRun(log, grid, parts, models, np.array(self.folder.description.arena, float))
+            arena = np.array(self.folder.description.arena, float)
+            return JudgedRun(log, grid, parts, models, arena, how, choice)
         fixed = np.concatenate([log.anchors.positions, log.landmarks.positions])
         if not len(fixed):
             lack = "there are no fixed things around which the arena lies; state its corners [m] in log.toml"
             raise BadInput(f"{self.folder.data}: {lack}: arena = [[0, 0], [6, 4]]")
-        return JudgedRun(log, grid, parts, models, arena_around(fixed))
+        return JudgedRun(log, grid, parts, models, arena_around(fixed), how, choice)
 
     @cached_property
     def _by_trial(self) -> dict[int, "TeamScenario"]:
@@ -211,7 +218,7 @@ class TeamScenario(schema.Model):
 
     def world(self) -> World:
         """Return what the team knows of this run: fixed things, arena, and assumed models."""
-        log, grid, _, models, arena = self.judged_run
+        log, grid, _, models, arena, *_ = self.judged_run
         return World(
             robots=len(log.robots),
             tick=grid.tick,
@@ -225,7 +232,7 @@ class TeamScenario(schema.Model):
 
     def simulate(self, label: str, trials: Sequence[int], seed: int, world: World) -> tuple[Truth, Stream]:
         """Truth and stream of one run, with `world` as what the team knows; the seed changes nothing."""
-        log, grid, _, models, arena = self.judged_run
+        log, grid, _, models, arena, *_ = self.judged_run
         gaps, edges = self._gaps, grid.edges
         poses = np.stack([sampling.poses(series, edges, gaps.truth) for series in log.truth], 1)
         headed = bool((np.isfinite(poses[1:, :, 2]) | np.isnan(poses[1:, :, 0])).all())
@@ -283,13 +290,13 @@ class TeamScenario(schema.Model):
             return [str(e)]
         values = "; ".join(f"{name} {_text_of(value)}" for name, value in models.notes.items() if name != "fitted_on")
         weak = [f"run {log.name!r} {NO_ORDER}: {'; '.join(reasons)}"] * bool(reasons)
-        return [*log.warnings, *weak, f"run {log.name!r}: models fitted on {models.notes['fitted_on']}: {values}"]
+        fitted = f"models fitted on {models.notes['fitted_on']}: {values}"
+        return [*log.warnings, *weak, *(f"run {log.name!r}: {text}" for text in (self.judged_run.choice, fitted))]
 
     def link_residuals(self) -> list[LinkResiduals]:
         """Return the residuals of the run after its models, where these were fitted and where they are judged."""
-        log, grid, parts, models, _ = self.judged_run
-        judged = FitPart(log, grid.t0, float(grid.edges[-1]))
-        return list(link_residuals(log, parts, judged, models, self._fit_settings(grid.tick)))
+        log, grid, parts, models, _, how, _ = self.judged_run
+        return list(link_residuals(log, parts, FitPart(log, grid.t0, float(grid.edges[-1])), models, how))
 
     def _names(self) -> list[str]:
         return self.folder.different if self.run == ALL else [self.folder.log(self.run).name]
@@ -334,7 +341,7 @@ class TeamScenario(schema.Model):
 
     def _fit_settings(self, tick: float) -> FitSettings:
         stated = self.folder.description.model.model_dump() | self._overrides(tuple(schema.Model.model_fields))
-        return FitSettings(tick, self._gaps, stated, self.bias, self.robust, self.correlation == "inflate")
+        return FitSettings(tick, self._gaps, stated, self.bias, bool(self.robust), self.correlation == "inflate")
 
     def _overrides(self, names: Sequence[str]) -> dict[str, Any]:
         """Return the parameters that replace values of the description."""
