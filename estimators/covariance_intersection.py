@@ -54,7 +54,8 @@ def solve_relative(
 
     w is in [LEAST, 1]. It is 1, which leaves the belief as it is, where anything is nan, where the sender knows nothing
     (every variance infinite), and where the reading cannot help. The criterion is about so many leading states as
-    `block` says. "cvxpy" may stack the fusions of one group (K,), which change one another in the last bits.
+    `block` says. "cvxpy" takes states of two numbers. It stacks the fusions of one group (K,), which change one another
+    in the last bits.
 
     Raises:
         BadInput: a covariance that is none.
@@ -86,7 +87,7 @@ def solve_relative(
             return values
 
         group = np.zeros(len(rows), np.int64) if groups is None else np.asarray(groups)[rows]
-        found = np.maximum(covariance_intersection_cvxpy.solve(*z, group), LEAST)
+        found = np.maximum(covariance_intersection_cvxpy.solve(*z[:4], group), LEAST)
         found[(value(np.ones_like(w)) <= value(found)) & np.isfinite(found)] = 1.0  # cvxpy only comes near 1
         failed = solution.fallback[rows] = ~(value(found) / value(w) - 1 <= TRUSTED)
         if failed.any():

@@ -80,37 +80,30 @@ def canonical(problem: Any, theta: Any) -> Canonical:
 #
 # So the information is Y(c), linear in c = (w, v, h_1 .. h_k), whose terms are B_0, sum B_k and (1 - sigma_k) B_k.
 # Because Y(c) scales with c, the most information from weights that sum to one is the least sum w + v that reaches a
-# given information. With d = 2, in the whitened coordinates, that is a second-order cone program:
+# given information. Of two numbers, in the whitened coordinates, that is a second-order cone program:
 #
 #     min w + v   s.t.   c >= 0,   X = Y(c) - C,   ||(2 X_12, 2 gamma, X_11 - X_22)|| <= X_11 + X_22,
 #
 # that is X >= 0 with det X >= gamma^2. The determinant has C = 0, gamma = 1: det Y >= 1. The trace has gamma^2 = det C:
 # det Y >= tr(adj(C) Y), which is tr(C Y^-1) <= 1. Fusions of one group are one program, the sum of theirs, listed in an
-# order that only their values give, as the solver couples them in their last bits. In other dimensions cvxpy's log_det
-# and matrix_frac (which is tr_inv with C) take one fusion at a time.
+# order that only their values give, as the solver couples them in their last bits.
 
 STACK = 128  # fusions in one program, at most: the time of each grows slowly with their number
 
 
-def solve(B: Array, C: Array, sigma: Array, trace: bool, block: int, groups: Indices) -> Array:
-    """Return one's own weights (K,) for `_whiten`'s B, C, sigma, to be checked by the caller; nan where none."""
-    d, k, own, others = B.shape[-1], sigma.shape[1], B[:, :1], B[:, 1:]
+def solve(B: Array, C: Array, sigma: Array, trace: bool, groups: Indices) -> Array:
+    """Return one's own weights (K,) for `_whiten`'s B, C, sigma of two numbers, to be checked; nan where none."""
+    k, own, others = sigma.shape[1], B[:, :1], B[:, 1:]
     terms = np.concatenate([own, others.sum(1, keepdims=True), (1 - sigma)[..., None, None] * others], 1)
-    if d == block == 2:
-        C11, C12, C22 = C[:, 0, 0] * trace, C[:, 0, 1] * trace, C[:, 1, 1] * trace
-        gamma = np.sqrt(np.maximum(C11 * C22 - C12**2, 0.0)) if trace else np.ones(len(C))
-        theta: tuple[Array, ...] = terms[..., 0, 0], terms[..., 0, 1], terms[..., 1, 1], C11, C12, C22, gamma
-        program, most = _cone_program(k), STACK
-    else:
-        triangles = (terms * (1 - np.eye(d) / 2))[(..., *np.triu_indices(d))].reshape(len(B), -1)
-        scale, axes = np.linalg.eigh(C[:, :block, :block])
-        F = (axes * np.sqrt(np.maximum(scale, 0.0))[:, None]).reshape(len(B), -1)
-        program, most, theta = _matrix_program(k, d, block, trace), 1, (triangles, F) if trace else (triangles,)
-    A, b = program.numbers(np.column_stack([*theta, sigma, np.sqrt(sigma)]))
+    C11, C12, C22 = C[:, 0, 0] * trace, C[:, 0, 1] * trace, C[:, 1, 1] * trace
+    gamma = np.sqrt(np.maximum(C11 * C22 - C12**2, 0.0)) if trace else np.ones(len(C))
+    theta = terms[..., 0, 0], terms[..., 0, 1], terms[..., 1, 1], C11, C12, C22, gamma, sigma, np.sqrt(sigma)
+    program = _cone_program(k)
+    A, b = program.numbers(np.column_stack(theta))
     x, stack_of = np.full((len(B), len(program.q)), np.nan), cache(program.stack)
     order = np.lexsort((*sigma.T, *C.T.reshape(-1, len(C)), *B.T.reshape(-1, len(B)), groups))
     for group in np.split(order, np.flatnonzero(np.diff(groups[order])) + 1):
-        for rows in (group[i : i + most] for i in range(0, len(group), most)):
+        for rows in (group[i : i + STACK] for i in range(0, len(group), STACK)):
             with suppress(Exception):  # a solver may raise anything; the exact weights are used then
                 x[rows] = stack_of(len(rows))(A[rows], b[rows])
     with np.errstate(divide="ignore", invalid="ignore"):  # a failed solver's x may be anything
@@ -120,47 +113,15 @@ def solve(B: Array, C: Array, sigma: Array, trace: bool, block: int, groups: Ind
 
 @lru_cache
 def _cone_program(k: int) -> Canonical:
-    """Return the program for a reading of k numbers, d = 2; theta is B_11, B_12, B_22 of each term, C's, and gamma."""
+    """Return the program for a reading of k numbers; theta is B_11, B_12, B_22 of each term, C's, gamma, and sigmas."""
     cp: Any = import_module("cvxpy")  # late, because it takes a second; type checkers do not know its atoms
     m = 2 + k
-    theta = cp.Parameter(3 * m + 4 + 2 * k)
-    c, constraints = _shares(cp, k, theta[3 * m + 4 :])
+    theta, c = cp.Parameter(3 * m + 4 + 2 * k), cp.Variable(m)  # c = (w, v, h_1 .. h_k)
+    constraints = [c >= 0]
+    for i in range(k):
+        h, sigma, root = c[2 + i], theta[3 * m + 4 + i], theta[3 * m + 4 + k + i]
+        x, y = c[0] - h, c[1] - sigma * h
+        constraints.append(cp.SOC(x + y, cp.hstack([2 * root * h, x - y])))
     X11, X12, X22 = (theta[i * m : (i + 1) * m] @ c - theta[3 * m + i] for i in range(3))
     constraints.append(cp.SOC(X11 + X22, cp.hstack([2 * X12, 2 * theta[3 * m + 3], X11 - X22])))
     return canonical(cp.Problem(cp.Minimize(cp.sum(c[:2])), constraints), theta)
-
-
-@lru_cache
-def _matrix_program(k: int, d: int, block: int, trace: bool) -> Canonical:
-    """Return the program of any dimension; theta is B's upper triangles less half their diagonals, and a root of C.
-
-    X is Y, or a block of it with the other states marginalised out.
-    """
-    cp: Any = import_module("cvxpy")
-    m, entries = 2 + k, d * (d + 1) // 2
-    size = m * entries + trace * block**2
-    theta = cp.Parameter(size + 2 * k)
-    c, constraints = _shares(cp, k, theta[size:])
-    halves = [cp.vec_to_upper_tri(theta[i * entries : (i + 1) * entries]) for i in range(m)]
-    X = Y = sum(c[i] * (halves[i] + halves[i].T) for i in range(m))
-    if block < d:
-        X = cp.Variable((block, block), symmetric=True)
-        E = np.eye(d)[:, :block]
-        constraints.append(Y - E @ X @ E.T >> 0)
-    if trace:
-        F = cp.reshape(theta[m * entries : size], (block, block), order="C")
-        constraints.append(cp.matrix_frac(F, X) <= 1)
-    else:
-        constraints.append(cp.log_det(X) >= 0)
-    return canonical(cp.Problem(cp.Minimize(cp.sum(c[:2])), constraints), theta)
-
-
-def _shares(cp: Any, k: int, ratios: Any) -> tuple[Any, list[Any]]:
-    """Return the variables c = (w, v, h_1 .. h_k) and their cones; `ratios` (2 k,) are sigma and its root."""
-    c = cp.Variable(2 + k)
-    constraints = [c >= 0]
-    for i in range(k):
-        h, sigma, root = c[2 + i], ratios[i], ratios[k + i]
-        x, y = c[0] - h, c[1] - sigma * h
-        constraints.append(cp.SOC(x + y, cp.hstack([2 * root * h, x - y])))
-    return c, constraints

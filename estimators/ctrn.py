@@ -147,7 +147,7 @@ def intersect(
     w = np.ones(len(y))
     if use.size:
         R = np.broadcast_to(sensor.R, (use.size, *sensor.R.shape))
-        parts = belief.P[use], P_j[use], H[use], H_j[use], R
+        parts = belief.P[use, :2, :2], P_j[use], H[use][..., :2], H_j[use], R  # a radio reads no heading
         found = solve_relative(*parts, p.criterion, p.weights, groups=s.solver_group[use])
         w[use] = found.w
         fused, failed = np.zeros((2, len(w)))

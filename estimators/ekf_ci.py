@@ -10,25 +10,15 @@ of robot i, which is overlapping covariance intersection (arXiv 2603.16768) of a
 """
 
 from dataclasses import dataclass
-from typing import ClassVar, Literal, NamedTuple
+from typing import ClassVar, Literal
 
 import numpy as np
 
 from cooploc.estimators import kalman
 from cooploc.estimators.covariance_intersection import solve_relative
-from cooploc.estimators.interface import Array, Belief, Indices, Mail, Rows, Senses, World
+from cooploc.estimators.interface import Array, Belief, Mail, Senses
 from cooploc.estimators.models import AnchorReading
 from cooploc.estimators.tunable import tunable
-
-
-class State(NamedTuple):
-    """The memory of one robot."""
-
-    x: Array  # (r, d)
-    P: Array  # (r, d, d)
-    group: Indices  # (r,)  solved separately, so that a result cannot depend on another robot in its last bits
-    robot: Indices  # (r,)
-    world: World
 
 
 @kalman.explain
@@ -37,7 +27,6 @@ class EkfCi:
     """EKF on own readings, covariance intersection on received beliefs.
 
     Parameters:
-        weights: which solver finds w: "exact", a search of our own, or "cvxpy", a cone program.
         criterion: what w minimises of the result: its "trace" or its "det".
         over: what the criterion is about. Over the "position" [m^2] alone, headings that no reading sees are inflated
             without bound; over the whole "state", the trace adds m^2 to rad^2.
@@ -51,11 +40,11 @@ class EkfCi:
     inflation: float = tunable(1.0, 0.5, 5.0, log=True)
     engine: kalman.EngineName = "batched"
     reading: kalman.RadioReading = "range"
-    weights: Literal["cvxpy", "exact"] = "exact"
     criterion: Literal["trace", "det"] = tunable("trace", choices=("trace", "det"))
     over: Literal["position", "state"] = tunable("state", choices=("state", "position"))
 
     uses = property(kalman.team_channels)
+    init = kalman.start_broadcasting
     predict = kalman.predict_belief
     correct = kalman.correct_belief
     estimate = kalman.estimate_belief
@@ -63,15 +52,11 @@ class EkfCi:
     def __post_init__(self) -> None:
         kalman.require_limits(self)
 
-    def init(self, prior: Belief, world: World, rows: Rows) -> State:
-        world = kalman.assume(self, world)
-        return State(prior.x, prior.P, rows.trial * world.robots + rows.robot, rows.robot, world)
-
-    def send(self, s: State, z: Senses) -> Array:
+    def send(self, s: kalman.BroadcastState, z: Senses) -> Array:
         """Return x, the upper triangle of P, the sightings: d + d (d + 1) / 2 + 2 n numbers at most."""
         return kalman.Message(s.x, (s.P,), z.sighting).pack()
 
-    def fuse(self, s: State, z: Senses, mail: Mail) -> State:
+    def fuse(self, s: kalman.BroadcastState, z: Senses, mail: Mail) -> kalman.BroadcastState:
         """Intersect with one reading after the other, each linearised at the belief that the last one left."""
         sent = kalman.Message.unpack(mail.packets, s.x.shape[-1])
         for pair in kalman.receive(s.world, z, mail, sent.sightings, s.robot):
@@ -79,7 +64,9 @@ class EkfCi:
             s = self._intersect(s, *linear, sent.P[0][:, pair.sender], pair.sensor.R)
         return s
 
-    def _intersect(self, s: State, y: Array, H: Array, H_j: Array, P_j: Array, R: Array) -> State:
+    def _intersect(
+        self, s: kalman.BroadcastState, y: Array, H: Array, H_j: Array, P_j: Array, R: Array
+    ) -> kalman.BroadcastState:
         """x' = x + K y,  P' = (I - K H) P/w  with  K = P/w H' (H P/w H' + H_j P_j/(1-w) H_j' + R)^-1.
 
         By readings y (r, k) with H (r, k, d), the sender's H_j (r, k, e) and P_j (r, e, e), and R (k, k). Gated by the
@@ -92,7 +79,7 @@ class EkfCi:
             return s
         x, P, y, H, H_j, P_j = (part[rows] for part in (s.x, s.P, y, H, H_j, P_j))
         block = 2 if self.over == "position" else x.shape[-1]
-        w = solve_relative(P, P_j, H, H_j, R, self.criterion, self.weights, block, s.group[rows]).w
+        w = solve_relative(P, P_j, H, H_j, R, self.criterion, "exact", block).w
         after = kalman.inflated_update(Belief(x, P), y, H, H_j, P_j, R, w, kalman.ENGINES[self.engine].update)
         x, P = s.x.copy(), s.P.copy()
         x[rows], P[rows] = after

@@ -16,7 +16,8 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from cooploc.estimators import ekf_ci, kalman
+from cooploc.estimators import kalman
+from cooploc.estimators.ekf_ci import EkfCi
 from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses, World
 from cooploc.estimators.models import AnchorReading, wrap_heading
 from cooploc.estimators.tunable import tunable
@@ -25,7 +26,7 @@ from cooploc.estimators.tunable import tunable
 class State(NamedTuple):
     """The memory of one robot."""
 
-    own: ekf_ci.State
+    own: kalman.BroadcastState
     sent: Belief  # x (r, d), P (r, d, d) of the last packet, moved on; nan before the first
 
 
@@ -54,9 +55,9 @@ class EkfEventCi:
         kalman.require_limits(self, threshold=(0, np.inf))
 
     @property
-    def ci(self) -> ekf_ci.EkfCi:
+    def ci(self) -> EkfCi:
         """The filter whose packets are held back."""
-        return ekf_ci.EkfCi(self.anchor_reading, self.gate, self.inflation, self.engine, self.reading)
+        return EkfCi(self.anchor_reading, self.gate, self.inflation, self.engine, self.reading)
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
         nothing = Belief(np.full_like(prior.x, np.nan), np.full_like(prior.P, np.nan))

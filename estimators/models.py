@@ -540,41 +540,24 @@ def inflate(world: World, factor: float) -> World:
     return replace(world, sensors=sensors)
 
 
-# The sensors as pure functions for tracing libraries: `xp` is jax.numpy, or another with numpy's names. Nothing is
-# written in place, and no branch looks at a value.
+def innovation(xp: Any, sensor: Sensor, x: Any, q: Any, z: Any) -> Any:
+    """Return z - h(x, q) (..., k) as a pure function for tracing libraries; nan where absent or a range is refused.
 
-Traced = Any  # an array of the library
+    `xp` is jax.numpy, or another with numpy's names. Nothing is written in place, and no branch looks at a value.
+    """
 
+    def turn(angle: Any) -> Any:  # to [-pi, pi)
+        return xp.remainder(angle + np.pi, 2 * np.pi) - np.pi
 
-def expect(xp: Any, sensor: Sensor, x: Traced, q: Traced) -> Traced:
-    """Return the mean reading (..., k) of places q (..., 2) at states (..., d)."""
     east, north = q[..., 0] - x[..., 0], q[..., 1] - x[..., 1]
     d2, away = east**2 + north**2, xp.arctan2(north, east)
-    distance = xp.sqrt(d2)[..., None]
-    direction = _wrap_traced(xp, away - x[..., 2] if x.shape[-1] > 2 else away)[..., None]
     if isinstance(sensor, LogDistance):
-        return (sensor.A - 5 * sensor.eta * xp.log10(xp.clip(d2, min=NEAR**2)))[..., None]
-    if isinstance(sensor, Range):
-        return distance
+        return z - (sensor.A - 5 * sensor.eta * xp.log10(xp.clip(d2, min=NEAR**2)))[..., None]
+    direction = turn(z[..., -1:] - turn(away - x[..., 2] if x.shape[-1] > 2 else away)[..., None])
     if isinstance(sensor, Bearing):
         return direction
-    if isinstance(sensor, Sighting):
-        return xp.concatenate([distance, direction], -1)
-    name = type(sensor).__name__
-    raise TypeError(f"{name} has no traceable form; known are LogDistance, Range, Bearing and Sighting")
-
-
-def innovation(xp: Any, sensor: Sensor, x: Traced, q: Traced, z: Traced) -> Traced:
-    """Return z - h(x, q) (..., k), with the angle wrapped; nan where a reading is absent or a range is refused."""
-    y = z - expect(xp, sensor, x, q)
-    if isinstance(sensor, Bearing):
-        return _wrap_traced(xp, y)
+    ranged = xp.where(z[..., :1] < TOO_NEAR_TO_RANGE, xp.nan, z[..., :1] - xp.sqrt(d2)[..., None])
     if isinstance(sensor, Range | Sighting):
-        short = z[..., :1] < TOO_NEAR_TO_RANGE
-        return xp.concatenate([xp.where(short, xp.nan, y[..., :1]), _wrap_traced(xp, y[..., 1:])], -1)
-    return y
-
-
-def _wrap_traced(xp: Any, angle: Traced) -> Traced:
-    """Return the same angle in [-pi, pi)."""
-    return xp.remainder(angle + np.pi, 2 * np.pi) - np.pi
+        return ranged if isinstance(sensor, Range) else xp.concatenate([ranged, direction], -1)
+    known = "known are LogDistance, Range, Bearing and Sighting"
+    raise TypeError(f"{type(sensor).__name__} has no traceable form; {known}")

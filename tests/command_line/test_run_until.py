@@ -1,10 +1,6 @@
 """`cooploc run --until-decided` and `cl.run_until`: one run, its table, `show`, and verdicts."""
 
-import json
-import shutil
-
 import pytest
-from processes import inside, marks
 
 import cooploc as cl
 
@@ -48,12 +44,3 @@ def test_results_show_and_verdicts_say_what_was_decided_and_when(run, capsys):
     row = cl.verdicts(found, folder / "ledger.toml").iloc[0]
     assert (row["verdict"], row["look"]) == ("contradicted", 10)
     assert "Contradicted at n = 10" in row["sentence"]
-
-
-def test_the_command_prints_the_same_and_computes_nothing_again(run, tmp_path):
-    folder = shutil.copytree(run[0], tmp_path / "copy")  # the command decides without the ledger
-    before = marks(folder / "run")
-    done = inside("run", "small.toml", "--until-decided", "--max-trials", 20, "--out", "run", "--json", cwd=folder)
-    assert done.returncode == 0, done.stderr
-    assert [row["trials"] for row in json.loads(done.stdout)] == [20, 10, 20]
-    assert marks(folder / "run") == before

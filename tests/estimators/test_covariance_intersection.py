@@ -4,13 +4,9 @@ The oracles work on the covariances as they come, in 80-bit floats: no whitening
 """
 
 import logging
-from fractions import Fraction
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from oracles import repeatable
 
 from cooploc.estimators import covariance_intersection_cvxpy
 from cooploc.estimators.covariance_intersection import solve_relative
@@ -87,26 +83,9 @@ def near_singular(rng, K, m, d):
     return random(rng, 10 ** -rng.uniform(0, 10, (K, m, d)))
 
 
-def nested(rng, K, m, d):
-    """Each source knows less than the one before, by any little."""
-    more = random(rng, rng.uniform(0, 1, (K, m, d)) * 10 ** -rng.uniform(0, 6, (K, m, 1)))
-    return ordinary(rng, K, 1, d) + np.cumsum(more, 1)
-
-
-def of_any_size(rng, K, m, d):
-    return near_singular(rng, K, m, d) * 10 ** rng.uniform(-8, 8, (K, 1, 1, 1))
-
-
-def of_different_sizes(rng, K, m, d):
-    return ordinary(rng, K, m, d) * 10 ** rng.uniform(-8, 8, (K, m, 1, 1))
-
-
 def of_some_size(rng, K, m, d):
     """As far apart as three covariances may be for 80-bit floats to tell."""
     return random(rng, 10 ** -rng.uniform(0, 4, (K, m, d))) * 10 ** rng.uniform(-4, 4, (K, m, 1, 1))
-
-
-FAMILIES = [ordinary, near_singular, nested, of_any_size, of_different_sizes]
 
 
 def relation(rng, K, k=1, d=2, e=2, family=ordinary):
@@ -128,15 +107,6 @@ def test_what_is_no_covariance_is_named(bad):
 
 
 # ---------------------------------------------------------------- stacks and fallbacks
-
-
-@CRITERIA
-def test_exact_bits_do_not_depend_on_what_else_is_solved(criterion):
-    problem = relation(np.random.default_rng(11), 60, k=2)
-    everything = solve_relative(*problem, criterion, "exact")
-    parts = [solve_relative(*(a[i : i + 1] for a in problem), criterion, "exact") for i in range(60)]
-    for whole, part in zip(everything, zip(*parts, strict=True), strict=True):
-        np.testing.assert_array_equal(whole, np.concatenate(part))
 
 
 def test_cvxpys_bits_depend_on_the_group_alone():
@@ -195,52 +165,11 @@ def test_relative_weights_against_a_scan(d, k, e, block, family, criterion):
         return related(problem, w, criterion, block)
 
     least = scan(f, K)
-    for solver in ("exact", "cvxpy"):
+    for solver in ("exact", "cvxpy") if d == 2 else ("exact",):
         found = solve_relative(*problem, criterion, solver, block)
         assert found.fallback.mean() <= 0.01
         np.testing.assert_allclose((f(found.w[:, None])[:, 0] / least).astype(float), 1, rtol=1e-6)
         assert ((found.w > 0) & (found.w <= 1)).all()
-
-
-def shortfall(f, w):
-    """How far the convex f is above its least at w, relatively, by its slopes there: f'^2 / (2 f'' f), in fractions."""
-    w, h = Fraction(w), Fraction(1, 10**40)
-    below, here, above = f(w - h), f(w), f(w + h)
-    return float((above - below) ** 2 / (8 * here * (above + below - 2 * here)))
-
-
-def updated(P, u, q, R, criterion):
-    """w -> the criterion of P / w after a reading of variance q / (1 - w) + R, in fractions."""
-    (a, b), (_, c) = [[Fraction(v) for v in row] for row in P]
-    (u, v), q, R = (Fraction(float(each)) for each in u), Fraction(q), Fraction(R)
-    g = a * u + b * v, b * u + c * v
-
-    def f(w):
-        S = w * (g[0] * u + g[1] * v) + w * w * (q / (1 - w) + R)
-        xx, xy, yy = a / w - g[0] * g[0] / S, b / w - g[0] * g[1] / S, c / w - g[1] * g[1] / S
-        return xx + yy if criterion == "trace" else xx * yy - xy * xy
-
-    return f
-
-
-@given(st.integers(0, 2**32 - 1), st.sampled_from([2, 3]), st.sampled_from(FAMILIES), st.sampled_from(["trace", "det"]))
-@repeatable
-def test_the_weight_of_one_number_has_no_shortfall(seed, d, family, criterion):
-    """In exact arithmetic."""
-    rng = np.random.default_rng(seed)
-    P, P_j, H, H_j, R = relation(rng, 8, 1, d, 2, family)
-    P_j, R = P_j * 10 ** rng.uniform(-4, 1, (8, 1, 1)), R * 10 ** rng.uniform(-6, 3, (8, 1, 1))
-    H[..., 2:] = 0.0
-    found = solve_relative(P, P_j, H, H_j, R, criterion, "exact")
-    tolerance = 1e-8 if family in (near_singular, of_any_size) else 1e-10  # rounding moves variances ten decades apart
-    for i, w in enumerate(found.w):
-        q = (H_j[i] @ P_j[i] @ H_j[i].T).item()
-        f = updated(P[i, :2, :2], H[i, 0, :2], q, R[i, 0, 0], criterion)
-        if 1e-6 < w < 1 - 1e-5:
-            assert shortfall(f, w) <= tolerance
-        elif w > 0.5:  # the slopes say nothing beside the end, and the solver stops at 1 - 10^-7.5
-            beside = [1 - Fraction(1, 10**k) for k in range(4, 16)]
-            assert f(min(Fraction(w), beside[-1])) <= min(map(f, beside)) * Fraction(1 + 1e-7)
 
 
 @SOLVERS

@@ -13,6 +13,7 @@ from cooploc.estimators.ekf_ci import EkfCi
 from cooploc.estimators.ekf_event_ci import EkfEventCi
 from cooploc.estimators.ekf_hmd import EkfHmd
 from cooploc.estimators.ekf_ici import EkfIci
+from cooploc.estimators.ekf_naive import EkfNaive
 from cooploc.estimators.inverse_covariance_intersection import (
     combine,
     harmonic_mean,
@@ -123,7 +124,7 @@ def test_harmonic_mean_is_the_quotient_of_densities_by_quadrature(a, b, y, v):
     np.testing.assert_allclose([fused[0, 0], C[0, 0, 0]], [mean, variance], atol=1e-8)
 
 
-@pytest.mark.parametrize("cls", [EkfIci, EkfHmd])
+@pytest.mark.parametrize("cls", [EkfIci, EkfHmd, EkfNaive])
 def test_a_run_is_the_published_fusion_of_whole_states(cls):
     """A reading of the whole state makes a pseudo-estimate of it, so that nothing has to be carried anywhere."""
     _, stream = linear_team(seed=5, trials=1, robots=3, ticks=8)
@@ -145,6 +146,9 @@ def test_a_run_is_the_published_fusion_of_whole_states(cls):
                     y, N = reading + sent[0][j] - x[i], sent[1][j] + R
                     if cls is EkfIci:
                         P[i], step, _ = ici(P[i], N, y, np.eye(2))
+                    elif cls is EkfNaive:
+                        C = inv(inv(P[i]) + inv(N))
+                        step, P[i] = C @ inv(N) @ y, C
                     else:
                         common = inv((P[i] + N) / 2 + np.outer(y, y) / 4)
                         C = inv(inv(P[i]) + inv(N) - common)

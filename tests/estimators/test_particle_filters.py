@@ -294,9 +294,3 @@ def test_point_max_reports_the_particle_of_largest_weight():
 
     got = trace("max", make("rssi-pf", point="max", particles=500), stream, watch)
     np.testing.assert_allclose(got.x[:, :, 0], np.stack(heaviest, 1), atol=1e-12)
-
-
-@pytest.mark.parametrize(("name", "bad"), [("particles", 1), ("M", 0), ("K", 0), ("decay", 0.0)])
-def test_impossible_parameters_are_refused_by_name(name, bad):
-    with pytest.raises(ValueError, match=name):
-        make("arl", **{name: bad})

@@ -44,13 +44,3 @@ def test_normals_have_the_distribution_they_claim():
     assert all(kstest(axis, "norm").pvalue > 1e-3 for axis in z.T)
     assert abs(np.corrcoef(z.T)[0, 1]) < 4 / np.sqrt(n)
     assert abs(np.corrcoef(z.T**2)[0, 1]) < 4 / np.sqrt(n)
-
-
-@pytest.mark.parametrize("draw", [random_numbers.normals, random_numbers.uniforms])
-def test_bits_do_not_depend_on_the_rows_or_particles_beside(draw):
-    key = np.random.default_rng(0).integers(0, 2**32, (9, 2), np.uint32)
-    together = draw(key, 4, random_numbers.MOVE, 37)
-    for r in range(9):
-        np.testing.assert_array_equal(draw(key[r : r + 1], 4, random_numbers.MOVE, 37)[0], together[r])
-    np.testing.assert_array_equal(draw(key[::-1], 4, random_numbers.MOVE, 37), together[::-1])
-    np.testing.assert_array_equal(draw(key, 4, random_numbers.MOVE, 11), together[:, :11])

@@ -261,3 +261,23 @@ def dense_path(stream: Stream, trial: int, last: int, relative: bool) -> tuple[n
                     add([(at(k + 1, i), 1), (at(k + 1, j), -1)], reading, R)
     P = np.linalg.inv(L)
     return (P @ h).reshape(last + 2, n, 2)[1:], P
+
+
+def path_residuals(stream: Stream, trial: int, x: np.ndarray) -> np.ndarray:
+    """Misfits, in standard deviations, of a path (T, n, 2) in the radio arena, the start before it at its best.
+
+    Of odometry, anchors, ranges, and each pair's RSSI once: the mean of both directions where both were heard.
+    """
+    z, air, link = stream.senses, stream.air, stream.air.link[trial]
+    Q, P, anchors = stream.world.motion.sigma**2, stream.prior.P[trial, 0, 0, 0], stream.world.anchors
+    first = (x[0] - stream.prior.x[trial] - z.odometry[trial, 0]) / np.sqrt(P + Q)
+    moves = (np.diff(x, axis=0) - z.odometry[trial, 1:]) / np.sqrt(Q)
+    rssi = z.anchor_rssi[trial] - log_distance(np.linalg.norm(x[:, :, None] - anchors, axis=-1))
+    between = []
+    for k, i, j in np.argwhere(link):
+        d, ranged = np.linalg.norm(x[k, i] - x[k, j]), air.range[trial, k, i, j]
+        between.append((ranged - d) / 0.1 * (ranged >= 0.2))
+        if i < j or not link[k, j, i]:
+            heard = [air.rssi[trial, k, i, j], air.rssi[trial, k, j, i]][: 1 + link[k, j, i]]
+            between.append((np.mean(heard) - log_distance(d)) / np.sqrt(5))
+    return np.concatenate([first.ravel(), moves.ravel(), rssi.ravel() / np.sqrt(5), between])

@@ -29,19 +29,6 @@ def test_without_readings_it_is_the_spread_of_dead_reckoning():
     np.testing.assert_allclose(floor(stream, []), spread)
 
 
-def test_anchors_inform_as_the_slope_of_the_path_loss_says():
-    """(10 eta / (sigma ln 10))^2 u u' / d^2 of every anchor, by hand, the mean over where the robot may be."""
-    _, stream = cl.simulate("robots-1-3/n=1", trials=1, seed=1, ticks=1)
-    variance = 0.5**2 + 0.02**2
-    away = np.sqrt(variance) * np.random.default_rng(5).normal(size=(200_000, 1, 2)) - stream.world.anchors
-    away += stream.prior.x[0, 0] + stream.senses.odometry[0, 0, 0]
-    d2 = (away**2).sum(-1)
-    gain = np.where(d2 > 0.1**2, (10 * 3 / np.log(10)) ** 2 / 5 / d2**2, 0.0)
-    J = np.eye(2) / variance + np.einsum("sa,sai,saj->ij", gain, away, away) / len(away)
-    by_hand = np.sqrt(np.trace(np.linalg.inv(J)))
-    np.testing.assert_allclose(floor(stream, ["anchor_rssi"], samples=2**14), by_hand, rtol=0.01)
-
-
 SHARP = {"prior_sigma": 1e-3, "odometry_sigma": 1e-3, "range_sigma": 1e-3, "shadowing": 0.0, "fast": 0.005}
 
 

@@ -169,15 +169,3 @@ def test_a_direction_of_arrival_without_four_corners_is_refused(name):
         assume(make(name), stream.world)
     for reading in ("rssi", "none"):
         assume(make(name, anchor_reading=reading), stream.world)
-
-
-@pytest.mark.parametrize("name", ["ekf-local", "ekf-joint", "ekf-ci", "ukf-joint", "map-joint"])
-@pytest.mark.parametrize("scenario", ["robots-1-3/n=2", "camera/n=2"])
-def test_without_anchors_and_teammates_every_filter_is_dead_reckoning(name, scenario):
-    _, stream = cl.simulate(scenario, trials=2, ticks=10, drop=1.0)
-    alone = stream.replace_arrays({"senses.sighting": np.full_like(stream.senses.sighting, np.nan)})
-    got, dead = cl.run(
-        {"none": make(name, anchor_reading="none"), "dead": make("dead-reckoning")}, alone
-    ).traces.values()
-    np.testing.assert_allclose(got.x, dead.x, atol=1e-9 if name != "ukf-joint" else 1e-3)
-    np.testing.assert_allclose(got.P, dead.P, atol=1e-9 if name != "ukf-joint" else 1e-3)

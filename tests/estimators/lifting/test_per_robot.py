@@ -1,6 +1,5 @@
 """A plain filterpy loop, lifted, is the oracle of the batched filters; and their two engines agree."""
 
-from dataclasses import dataclass
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,7 +8,6 @@ from filterpy.kalman import ExtendedKalmanFilter
 
 from cooploc.estimators import make
 from cooploc.estimators.adapters import PerRobot, mail_of, parse_belief, senses_of
-from cooploc.estimators.dead_reckoning import DeadReckoning
 from cooploc.estimators.interface import Belief, Mail, Senses
 from cooploc.scenarios import simulate
 from cooploc.scenarios.conformance import CHECKS, check_estimator, drop_readings
@@ -132,32 +130,6 @@ class Talker:
 
     def estimate(self):
         return Belief(self.x.copy(), self.P)
-
-
-@dataclass(frozen=True)
-class Talkers(DeadReckoning):
-    """The same, for all rows at once."""
-
-    def predict(self, s, z):
-        return s._replace(x=s.x + z.odometry)
-
-    def send(self, s, z):
-        return s.x
-
-    def fuse(self, s, z, mail):
-        x = s.x
-        for j in range(s.world.robots):
-            x = np.where(mail.heard[:, j, None], x + 0.01 * (mail.packets[:, j] - x), x)
-        return s._replace(x=x)
-
-
-def test_mail_reaches_the_objects_as_it_reaches_the_rows():
-    _, stream = simulate("packet-drop", trials=3, ticks=30)
-    plain, batched = trace("plain", PerRobot(Talker), stream), trace("batched", Talkers(), stream)
-    np.testing.assert_allclose(plain.x, batched.x, rtol=0, atol=1e-12)
-    np.testing.assert_array_equal(plain.messages, batched.messages)
-    np.testing.assert_array_equal(plain.bytes, batched.bytes)
-    assert np.abs(plain.x - trace("dr", DeadReckoning(), stream).x).max() > 0.1
 
 
 def test_ranges_that_tell_no_direction_are_absent_for_a_plain_class():

@@ -142,26 +142,6 @@ def advance(x, logw, due, u, dt, key, fixed):
     return particles.advance(Displacement(0.3, 0.5), x, logw, due, z, key, 9, fixed, sends=True)
 
 
-@links
-def test_bits_do_not_depend_on_the_rows_beside(team):
-    x, logw = cloud(1100)
-    heard, fixed = hear(LogDistance(), team), read_anchors(team, 3.0)
-    key, due = np.arange(2 * ROWS, dtype=np.uint32).reshape(-1, 2), np.array([True, False, True, True, False])
-
-    def tick(rows):
-        mine = heard._replace(packets=heard.packets[rows], readings=heard.readings[rows])
-        here = [(sensor, place, z[rows]) for sensor, place, z in fixed]
-        belief, *weighed = particles.posterior_summary(x[rows], logw[rows], mine)
-        ones = np.ones((ROWS, 2))[rows]
-        *moved, sent = advance(x[rows], logw[rows], due[rows], ones, ones[:, 0], key[rows], here)
-        return [*belief, *weighed, *moved, *sent]
-
-    together = tick(slice(None))
-    for r in range(ROWS):
-        for a, b in zip(tick(slice(r, r + 1)), together, strict=True):
-            np.testing.assert_array_equal(a[0], b[r])
-
-
 @sizes
 @pytest.mark.parametrize("team", [0, 3])
 def test_a_tick_ends_with_moments_in_numpy_and_says_which_rows_are_poor(n, team):

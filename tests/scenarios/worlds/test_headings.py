@@ -5,7 +5,6 @@ import pytest
 from oracles import about
 
 import cooploc as cl
-from cooploc.estimators import BUILTIN
 from cooploc.estimators.models import Unicycle, wrap
 
 
@@ -100,12 +99,3 @@ def test_radio_readings_without_a_compass_are_those_of_the_places(arena):
     np.testing.assert_allclose(rssi.std(), np.sqrt(5), rtol=0.02)
     between = np.linalg.norm(x[:, :, :, None] - x[:, :, None], axis=-1)
     np.testing.assert_allclose((stream.air.range - between)[..., ~np.eye(3, dtype=bool)].std(), 0.1, rtol=0.02)
-
-
-@pytest.mark.parametrize("name", BUILTIN)
-def test_every_kind_of_estimator_runs_without_a_compass(name):
-    _, stream = cl.simulate("no-compass", trials=2, seed=2, ticks=15)
-    (trace,) = cl.run(name, stream).traces.values()
-    assert trace.x.shape == (2, 15, 3, 3)
-    assert np.isfinite(trace.x).all()
-    assert (np.linalg.eigvalsh(trace.P) > -1e-9).all()
