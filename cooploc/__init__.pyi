@@ -57,6 +57,7 @@ from cooploc.scenarios.runner.tick import IncompatibleEstimator as IncompatibleE
 from cooploc.scenarios.runner.trace import Trace as Trace
 from cooploc.scenarios.stream import Stream as Stream
 from cooploc.scenarios.stream import Truth as Truth
+from cooploc.scenarios.studies.study import problems as problems
 from cooploc.scenarios.studies.study import studies as studies
 
 estimators: _CallablePackage

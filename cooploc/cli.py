@@ -22,7 +22,7 @@ app = typer.Typer(
 
 # Arguments and options that several commands have.
 
-StudyName = Annotated[str, typer.Argument(help="name of a shipped study, or path of a study's TOML file")]
+StudyName = Annotated[str, typer.Argument(help="a shipped study, a problem such as arena-3@1, or a study's TOML file")]
 Estimators = Annotated[str | None, typer.Option(help="comma-separated estimators, instead of the study's")]
 Jobs = Annotated[int, typer.Option(help="number of processes")]
 RunDirectory = Annotated[Path, typer.Argument(help="a run directory")]
@@ -71,6 +71,13 @@ def list_(
         raise cl.BadInput(f"there is no list of {kind!r}; {nearest(kind or '', list(KINDS))}")
     for one in [plural] if plural else KINDS:
         terminal.tables.show_list(one, getattr(cl, one)())
+
+
+@app.command()
+def problems() -> None:
+    """List the problems: studies that a paper can name, as their streams never change."""
+    terminal.tables.show_list("problems", cl.problems())
+    typer.echo("next: cooploc run arena-3@1 --estimators ekf-ci,path.py:Mine")
 
 
 @app.command()

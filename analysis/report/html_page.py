@@ -45,6 +45,7 @@ from cooploc.analysis.report.run_numbers import (
 )
 from cooploc.analysis.report.tables import Row, Table, TableColumn, csv_text, text_column
 from cooploc.estimators.registry import shorten_labels
+from cooploc.scenarios.studies.study import Study, stream_sentence
 
 FEW = 4  # scenarios that the first figure of a page draws side by side
 BELOW = "95 %", "remark"  # heads of columns that stand below their left neighbour
@@ -99,6 +100,7 @@ def content(numbers: Numbers, ledger: Ledger) -> dict[str, Any]:
     missing = [f"{s}, {shorten_labels(e)}: {n} of the planned trials are missing" for (s, e), n in kept.gaps.items()]
     marks = markers(numbers.looks, set(kept.rows.loc[kept.rows["centralised"].eq(True), "estimator"]))
     names = kept.rows["estimator"].unique()
+    of_problem = stream_sentence(Study(**study), manifest["streams"])
 
     def some(column: TableColumn) -> bool:
         return any(row[column.keys[0]] for row in consistency.rows)
@@ -118,7 +120,7 @@ def content(numbers: Numbers, ledger: Ledger) -> dict[str, Any]:
         "scenarios": scenarios,
         "fitted": manifest.get("recordings") or {},
         "missing": missing,
-        "remarks": [*ranking.certificate_remarks(table), *outlier_warnings(table)],
+        "remarks": [*filter(None, [of_problem]), *ranking.certificate_remarks(table), *outlier_warnings(table)],
         "failures": result_tables.failures(kept.rows),
         "events": events,
         "methods": page_texts.methods(bool(kept.looks)),

@@ -38,6 +38,7 @@ from cooploc.analysis.report.tables import Table, csv_text, number_column, text_
 from cooploc.estimators.registry import shorten_labels
 from cooploc.scenarios.conformance import Report, sentences
 from cooploc.scenarios.recordings.scenario import NO_ORDER
+from cooploc.scenarios.studies.study import Study, stream_sentence
 from cooploc.terminal.console import wide
 
 ONE_PROCESS = "all or some of this ran in one process (--no-isolate): estimators may have disturbed each other"
@@ -76,6 +77,8 @@ def show_results(
         console.print(ONE_PROCESS)
     for failed in failures(rows):
         console.print(f"failed: {failed.message} ({'; '.join(failed.where)})")
+    if sentence := stream_sentence(Study(**manifest["study"]), manifest["streams"]):
+        console.print(sentence)
     picture = f"{folder / 'rmse.png'}" if (folder / "rmse.png").exists() else f"cooploc report {folder}"
     for place in (f"picture: {picture}", f"table, every column: {folder / 'table.csv'}", f"run: {folder}"):
         console.print(place)
@@ -403,11 +406,12 @@ HEADS = {
     "estimators": (NAME, ABOUT, text_column("uses")),
     "scenarios": (text_column("name", "labels"), ABOUT),
     "studies": (NAME, text_column("takes"), ABOUT),
+    "problems": (NAME, ABOUT, number_column("trials"), number_column("seed"), text_column("streams")),
 }
 
 
 def show_list(kind: str, listed: pd.DataFrame) -> None:
-    """Print the table of `cl.estimators()`, `cl.scenarios()` or `cl.studies()`, then plug-ins that cannot be used."""
+    """Print the table of `cl.estimators()`, `cl.scenarios()`, ... of that kind, then plug-ins that cannot be used."""
     broken = listed["problem"] != "" if "problem" in listed else pd.Series(False, listed.index)
     rows = [_row(row) for row in listed[~broken].to_dict("records")]
     console = wide()
@@ -433,7 +437,8 @@ def _row(row: dict[Any, Any]) -> dict[str, Any]:
     for key, word in (("published", "to its letter"), ("best", "at its best")):
         if row.get(key, row["name"]) != row["name"]:
             about += f" {word}: {row[key]}."
-    return {**row, "about": about, "takes": takes}
+    streams = ", ".join(f"{name} {hash}" for name, hash in row.get("streams", {}).items())
+    return {**row, "about": about, "takes": takes, "streams": streams}
 
 
 MOST = 40  # rows of a table; `cl.inspect` has all

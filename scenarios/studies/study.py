@@ -20,6 +20,7 @@ brackets that is not name=value is a variant: overrides to which the study gives
 name runs everything that they have.
 """
 
+import hashlib
 import re
 import tomllib
 from collections import Counter
@@ -139,12 +140,18 @@ class Study(BaseModel):
     include: tuple[str, ...] = ()  # other studies, by name or path
     training: dict[str, Labels] = {}  # scenario -> those that estimators are tuned on instead; none: it is only judged
     tuned_with: Seed | None = None  # the seed of the streams that its estimators were tuned on; no run may have it
+    streams: dict[
+        str, str
+    ] = {}  # scenario -> beginning of its stream's hash; they fix trials and seed, as of a problem
     leaves_out_misfits: bool = False  # an estimator is not run where its channels lack; else the study is refused
     only: Labels = ()  # the estimators to run; one that the study lacks runs on every scenario
 
     def replace_options(self, **options: Any) -> "Study":
         """Return the study with these fields replaced; None leaves a field as it is."""
         given = {key: value for key, value in options.items() if value is not None}
+        for key in ("trials", "seed"):
+            if self.streams and given.get(key, fixed := getattr(self, key)) != fixed:
+                raise BadInput(f"{self.name} fixes {key} at {fixed}, not {given[key]}: leave --{key} out")
         return _validate({**self.model_dump(), **given}, f"study {self.name!r}")
 
     @property
@@ -207,15 +214,24 @@ class Study(BaseModel):
         return {cell.scenario: cell.baseline for cell in self.cells()}
 
 
+PROBLEMS = "problems.toml"
+
+
 def names() -> list[str]:
     """Return the studies that are shipped."""
-    return sorted(
-        path.name.removesuffix(".toml") for path in files(__package__).iterdir() if path.name.endswith(".toml")
-    )
+    shipped = {path.name for path in files(__package__).iterdir() if path.name.endswith(".toml")}
+    return sorted(name.removesuffix(".toml") for name in shipped - {PROBLEMS})
+
+
+def problem_tables() -> dict[str, dict[str, Any]]:
+    """Return the content of every problem as a study's, by its name and version, such as arena-3@1."""
+    shared = tomllib.loads((files(__package__) / PROBLEMS).read_text(encoding="utf-8"))
+    own = {name: shared.pop(name) for name, value in list(shared.items()) if isinstance(value, dict)}
+    return {name: {"name": name, "scenarios": [*one["streams"]], **shared, **one} for name, one in own.items()}
 
 
 def load(which: str, including: tuple[str, ...] = ()) -> Study:
-    """Read a shipped study by name, or any study by the path of its TOML file; what it includes is written out.
+    """Read a shipped study or a problem by name, or any study by its TOML file; what it includes is written out.
 
     Raises:
         BadInput: there is none, or the file is not a study; says the line or the key.
@@ -225,8 +241,10 @@ def load(which: str, including: tuple[str, ...] = ()) -> Study:
         raise BadInput(f"study {which!r} includes itself, by way of {' and '.join(including)}: leave one out")
     path: Any = Path(which)
     if not which.endswith(".toml"):
+        if which in (problems := problem_tables()):
+            return _validate(problems[which], which)
         if which not in names():
-            raise BadInput(f"there is no study {which!r}; {nearest(which, names())}")
+            raise BadInput(f"there is no study {which!r}; {nearest(which, [*names(), *problems])}")
         path = files(__package__) / f"{which}.toml"
     elif not path.is_file():
         raise BadInput(f"there is no file {which}; check its path, or name a shipped study (cooploc list studies)")
@@ -262,6 +280,17 @@ def _validate(content: dict[str, Any], where: str) -> Study:
     if study.seed == study.tuned_with:
         raise BadInput(f"{where}: its estimators were tuned on the streams of seed {study.seed}; choose another seed")
     return study
+
+
+def stream_sentence(study: Study, streams: Mapping[str, Mapping[str, str]]) -> str:
+    """Return whether a run's streams, hashes by scenario and trial, are those that its study fixes; "" without any."""
+    found = {name: [one[t] for t in sorted(one, key=int)] for name, one in streams.items()}
+    hashes = {name: hashlib.sha256("".join(one).encode()).hexdigest() for name, one in found.items()}
+    other = [name for name, stated in study.streams.items() if not hashes.get(name, "").startswith(stated)]
+    if not study.streams or not other:
+        return f"problem: {study.name}, and its streams are those that this name stands for" * bool(study.streams)
+    why = "an unfinished run, other recordings, or a processor or libraries that round otherwise"
+    return f"not the problem {study.name}: other streams in {' and '.join(other)} ({why}); do not cite this name"
 
 
 # A study with every label read, before anything runs.
@@ -338,3 +367,15 @@ def studies() -> "DataFrame":
         about = ": ".join(filter(None, (one.title, one.about)))
         rows.append((one.name, about, one.minutes, "; ".join(filter(None, sources))))
     return DataFrame(rows, columns=["name", "about", "minutes", "source"]).astype({"minutes": float})
+
+
+def problems() -> "DataFrame":
+    """Return the table of problems, studies whose streams never change; `cl.run_study("arena-3@1")` runs one.
+
+    Columns: `name` with its version; `about`, the world and what is sensed; `trials` and `seed`, which are fixed;
+    `streams`, the scenarios with the hashes of their streams.
+    """
+    from pandas import DataFrame
+
+    rows = [[one[key] for key in ("name", "about", "trials", "seed", "streams")] for one in problem_tables().values()]
+    return DataFrame(rows, columns=["name", "about", "trials", "seed", "streams"])

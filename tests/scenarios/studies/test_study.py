@@ -1,5 +1,9 @@
 """Study files: what they sweep, include and refuse."""
 
+import hashlib
+import os
+from pathlib import Path
+
 import pytest
 
 import cooploc as cl
@@ -99,3 +103,36 @@ def test_options_choose_among_the_estimators_and_add_others_everywhere(tmp_path)
     chosen = study.load(str(tmp_path / "mine.toml")).replace_options(only=["rssi-pf", "ekf-{local,joint}"]).cells()
     assert [cell.estimators for cell in chosen] == [("ekf-local", "ekf-joint"), ("rssi-pf", "ekf-local", "ekf-joint")]
     assert [cell.baseline for cell in chosen] == ["ekf-local", "rssi-pf"]
+
+
+DATA = Path(os.environ.get("COOPLOC_DATA", Path(__file__).parents[4] / "shared" / "data"))
+FOLDERS = {"mrclam6@1": "mrclam6", "wifi@1": "wifi-rssi"}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", study.problem_tables())
+def test_a_problem_keeps_its_streams_for_ever(name):
+    folder = DATA / FOLDERS[name] if name in FOLDERS else None
+    if folder and not folder.is_dir():
+        pytest.skip(f"{folder.name} is not here; set COOPLOC_DATA to where it lies")
+    frozen = study.load(name)
+    for scenario, stated in frozen.streams.items():
+        trials = scenarios.resolve(scenario, folder).trials(frozen.trials)
+        each = [cl.simulate(scenario, trials=[k], seed=frozen.seed, data=folder)[1] for k in range(trials)]
+        assert hashlib.sha256("".join(one.hashes[0] for one in each).encode()).hexdigest().startswith(stated)
+        assert f"{len(each[0].time)} ticks" in frozen.about or name == "wifi@1"  # whose runs are of unequal length
+
+
+def test_a_run_of_a_problem_names_it_and_says_where_its_streams_are_others(tmp_path):
+    frozen = study.load("arena-3@1")
+    stream = cl.simulate("robots-1-3/n=3", trials=20, seed=1)[1]
+    hashes = {"robots-1-3/n=3": {str(k): one for k, one in enumerate(stream.hashes)}}
+    assert study.stream_sentence(frozen, hashes).startswith("problem: arena-3@1")
+    hashes["robots-1-3/n=3"]["7"] = hashes["robots-1-3/n=3"]["6"]
+    assert study.stream_sentence(frozen, hashes).startswith(
+        "not the problem arena-3@1: other streams in robots-1-3/n=3"
+    )
+    assert study.stream_sentence(study.load("quick"), hashes) == ""
+    for given in ({"trials": 19}, {"seed": 2}):
+        with pytest.raises(cl.BadInput, match="arena-3@1 fixes"):
+            cl.run_study("arena-3@1", out=tmp_path, **given)
