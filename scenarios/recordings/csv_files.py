@@ -13,7 +13,7 @@ from cooploc.estimators.interface import Array
 from cooploc.scenarios.recordings import schema
 from cooploc.scenarios.recordings.schema import LogColumn, ReadingColumns, Source, TeamDescription
 from cooploc.scenarios.recordings.team_log import Measured, Series, TeamLog, build_log, order_series, reading_tables
-from cooploc.scenarios.recordings.text_files import count_of, read_lines
+from cooploc.scenarios.recordings.text_files import count_of, has_columns, read_lines
 
 
 def find_runs(data: Path, description: TeamDescription) -> dict[str, Path]:
@@ -80,30 +80,46 @@ def rows_of(
     """Yield the lines of every file of a source in one run."""
     pattern = (source.file or "").replace("{run}", run.name)
     written = {name: word for word, name in source.nodes.items()}
-    robots = run.description.robots if source.robot is None else ("",)  # "": a column gives the name
-    files: dict[Path, tuple[str, str]] = {}
-    for robot, other in product(robots, others if "{other}" in pattern else ("",)):
-        if robot != other or not robot:
-            file = pattern.replace("{robot}", written.get(robot, robot)).replace("{other}", written.get(other, other))
-            files[run.place / file] = robot, other
-    if not any(path.is_file() for path in files):
-        raise BadInput(f"{next(iter(files))}: there is no such file; put it there, or correct `file` in log.toml")
     numbers = [*source.time, *(column for column in columns if column is not None)]
+    names = [name for column in numbers for name in column.columns]
     of = source.other if isinstance(source, ReadingColumns) else None
     named = [column.column for column in (source.robot, of) if column is not None]
-    for path, (robot, other) in files.items():
-        if not path.is_file():
+    robots = run.description.robots if source.robot is None else ("",)  # "": a column gives the name
+    in_columns, k = "{other}" in "".join(names), len(source.time)
+    delimiter = source.delimiter or run.description.delimiter
+    lines_of: dict[tuple[Path, tuple[str, ...]], tuple[str, str]] = {}
+    for robot, other in product(robots, others if in_columns or "{other}" in pattern else ("",)):
+        if robot != other or not robot:
+            words = (written.get(robot, robot), written.get(other, other))
+            file, *filled = (
+                name.replace("{robot}", words[0]).replace("{other}", words[1]) for name in (pattern, *names)
+            )
+            lines_of[run.place / file, tuple(filled)] = robot, other
+    if not any(path.is_file() for path, _ in lines_of):
+        raise BadInput(f"{next(iter(lines_of))[0]}: there is no such file; put it there, or correct `file` in log.toml")
+    for (path, own), (robot, other) in lines_of.items():
+        if not path.is_file() or (in_columns and not has_columns(path, own, delimiter)):
             continue
-        lines = read_lines(path, [c.column for c in numbers], named, run.description.delimiter)
+        lines = read_lines(path, own, named, delimiter)
         run.warnings.extend(lines.notes)
-        stamp, k = lines.values[:, : len(source.time)], len(source.time)
+        stamp, rest = lines.values[:, :k], iter(lines.values[:, k:].T)
         time = ((stamp - run.zero) * [c.factor for c in source.time]).sum(-1) + source.clock_offset
-        rest = iter((lines.values[:, k:] * [c.factor for c in numbers[k:]]).T)
-        values = np.array([np.full(len(time), np.nan) if c is None else next(rest) for c in columns])
-        words = [[source.nodes.get(word, word) for word in names] for names in lines.names]
-        who = [names[0] if source.robot else robot for names in words]
-        what = [names[-1] if of else other for names in words]
+        si = (
+            _heading(*(next(rest) for _ in c.quaternion)) if c.quaternion else next(rest) * c.factor
+            for c in numbers[k:]
+        )
+        values = np.array([np.full(len(time), np.nan) if c is None else next(si) for c in columns])
+        words_of = [[source.nodes.get(word, word) for word in names] for names in lines.names]
+        who = [names[0] if source.robot else robot for names in words_of]
+        what = [names[-1] if of else other for names in words_of]
         yield CsvRows(path, stamp, time, who, what, values.T.reshape(-1, len(columns)))
+
+
+def _heading(*xyzw: Array) -> Array:
+    """Return the angles about z [rad] of quaternions: x, y, z, w, each (m,), or z and w."""
+    z, w = xyzw[-2:]
+    x, y = xyzw[:2] if len(xyzw) == 4 else (0 * z, 0 * z)
+    return np.asarray(np.arctan2(2 * (w * z + x * y), w**2 + x**2 - y**2 - z**2))
 
 
 def _first_stamp(run: RunFiles, poses: schema.GroundTruth) -> Array:

@@ -182,7 +182,9 @@ def read_run(place: Path, name: str, description: TeamDescription) -> TeamLog:
         channels, notes = split_channels(cast(Kind, kind), [measured], robots, places.names)
         readings |= channels
         graph.warnings.extend(notes)
-    return TeamLog(name, robots, "pose", odometry, truth, readings, landmarks, anchors, tuple(graph.warnings))
+    return TeamLog(
+        name, robots, "pose", odometry, truth, readings, landmarks, anchors, tuple(dict.fromkeys(graph.warnings))
+    )
 
 
 def _chains(graph: Graph) -> Mapping[str, Chain]:

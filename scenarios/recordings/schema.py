@@ -21,6 +21,9 @@ file is in SI units, else `{column = "x", unit = "mm"}`:
     y = "y"
     heading = "yaw"
 
+One file may hold all robots, with columns of each: `x = "{robot}_x"`. A heading may be a quaternion, of x, y, z and w
+or of z and w: `heading = { quaternion = ["qx", "qy", "qz", "qw"] }`. Dates are seconds since 1970.
+
 In a bag there are topics instead: `topic = "/{robot}/odom"`, `topic = "/uwb/{robot}/{other}/distance"`.
 
 The runs of one robot may be a file each, `file = "{run}.csv"`; `wifi.log.toml` is a commented example.
@@ -56,9 +59,10 @@ class Strict(BaseModel):
 
 
 class LogColumn(Strict):
-    """A column of the CSV files and its unit."""
+    """A column of the CSV files and its unit; or the columns of a quaternion, which is a heading."""
 
-    column: str
+    column: str = ""
+    quaternion: Annotated[tuple[str, ...], Field(max_length=4)] = ()  # x, y, z, w; or z, w
     unit: str | None = None  # SI where it is not stated
     factor: Annotated[float, Field(exclude=True)] = 1.0  # follows from the unit
 
@@ -68,9 +72,16 @@ class LogColumn(Strict):
         """A column's name alone, or `column` and `unit`."""
         if isinstance(given, str):
             return {"column": given}
-        if isinstance(given, Mapping) and set(given) <= {"column", "unit"}:
+        if isinstance(given, Mapping) and set(given) <= {"column", "unit"} and "column" in given:
+            return given
+        if isinstance(given, Mapping) and set(given) == {"quaternion"} and len(given["quaternion"]) in (2, 4):
             return given
         raise ValueError('write a column as "name" or {column = "name", unit = "cm"}')
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """The names of the columns: one, or those of a quaternion."""
+        return self.quaternion or (self.column,)
 
 
 def _unit_of(si: str) -> AfterValidator:
@@ -78,6 +89,8 @@ def _unit_of(si: str) -> AfterValidator:
 
     def check_unit(column: LogColumn) -> LogColumn:
         unit = si if column.unit is None else column.unit
+        if column.quaternion and si != "rad":
+            raise ValueError("only a heading can be a quaternion; name a column")
         if unit not in UNITS[si]:
             raise ValueError(f"unit {unit!r} is not one of {', '.join(UNITS[si])}")
         return column.model_copy(update={"factor": UNITS[si][unit]})
@@ -97,6 +110,7 @@ Number = Annotated[LogColumn, _unit_of("")]
 # ---- Tables that say where something was recorded, and in which columns or topics
 
 Place = tuple[float, float]  # [m]
+Delimiter = Literal[",", ";", "\t", "|", " "]
 Name = Annotated[str, Field(pattern=r"^[^\s,/{}\[\]]+$", max_length=60)]
 
 
@@ -111,6 +125,7 @@ class Source(Strict):
     file: str | None = None  # CSV, relative to the run: "odom_{robot}.csv", one for all, or "{run}.csv" of one robot
     topic: str | None = None  # of a bag: "/{robot}/odom"
     topics: Mapping[Name, str] = {}  # of a bag: robots whose topic has another name
+    delimiter: Delimiter | None = None  # of CSV files that have another than the rest
     time: TimeColumns = Field(default=("time",), validate_default=True)  # of CSV files; summed: seconds and nanoseconds
     robot: Number | None = None  # the column with the robot's name, where a file holds several
     nodes: Mapping[str, Name] = {}  # what the files or topics call a robot, an anchor or a landmark -> its name here
@@ -122,14 +137,19 @@ class Source(Strict):
             raise ValueError('state where it is: file = "..." (CSV), or topic = "..." (a bag)')
         if self.file is not None and (Path(self.file).is_absolute() or ".." in Path(self.file).parts):
             raise ValueError(f"file is {self.file!r}; name one inside the directory")
-        named = self.file is not None and ("{robot}" in self.file or "{run}" in self.file)
-        if self.file is not None and named == (self.robot is not None):
+        if self.file is not None and self.names_robot and self.robot is not None:
             raise ValueError('whose lines are they: file = "..._{robot}.csv", or robot = "the column of names"')
         each, stated = getattr(self, "each", {}), [name for name in self.columns if getattr(self, name) is not None]
         if self.file is not None and (stated if each else len(stated) < len(self.columns)):
             or_each = ', or one for each robot or anchor: each = { name = "..." }' if hasattr(self, "each") else ""
             raise ValueError(f"name the columns {' and '.join(self.columns)}{or_each}")
         return self
+
+    @property
+    def names_robot(self) -> bool:
+        """Whether the file's name, or those of the columns, say whose lines they are."""
+        wide = any("{robot}" in name for _, value in self if isinstance(value, LogColumn) for name in value.columns)
+        return wide or "{robot}" in (self.file or "") or "{run}" in (self.file or "")
 
     @property
     def in_files(self) -> bool:
@@ -193,7 +213,8 @@ class ReadingColumns(Source):
 
     @model_validator(mode="after")
     def _says_what_is_measured(self) -> Self:
-        named = self.other is not None or "{other}" in (self.file or "") or bool(getattr(self, "each", None))
+        wide = any("{other}" in value.column for _, value in self if isinstance(value, LogColumn))
+        named = self.other is not None or wide or "{other}" in (self.file or "") or bool(getattr(self, "each", None))
         if self.in_files and not named:
             raise ValueError('what was measured: other = "the column of names", or {other} in the name of the file')
         if self.other is not None and getattr(self, "each", None):
@@ -239,7 +260,6 @@ NAME = "log.toml"
 EXAMPLE = "cooploc inspect DIR writes such a file"
 
 Format = Literal["csv", "bag", "pyfg", "mrclam"]
-Delimiter = Literal[",", ";", "\t", "|", " "]
 
 
 class Sample(Strict):
@@ -345,6 +365,8 @@ class TeamDescription(Strict):
                 raise ValueError(
                     f'format = "{self.format}" takes {"file" if self.format == "csv" else "topic"} = "..."'
                 )
+            if self.format == "csv" and len(self.robots) > 1 and not (source.robot or source.names_robot):
+                raise ValueError('whose lines are they: file = "..._{robot}.csv", or robot = "the column of names"')
         return self
 
     @model_validator(mode="after")

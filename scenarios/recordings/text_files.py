@@ -4,9 +4,12 @@ Lines that cannot be read are left out, and a sentence names the first of them; 
 is refused, with file and line.
 """
 
+import codecs
 import csv
+import re
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
+from datetime import UTC, datetime
 from pathlib import Path
 from reprlib import repr as short_repr
 from typing import NamedTuple
@@ -38,17 +41,19 @@ class TextTable(NamedTuple):
 
 
 def read_text(path: Path, encoding: str) -> str:
-    r"""Return the text of a file, its line ends all \n."""
+    r"""Return the text of a file, its line ends all \n; other text than ASCII may also be UTF-16 or of Windows."""
     try:
         raw = path.read_bytes()
     except FileNotFoundError:
         raise BadInput(f"{path}: there is no such file; get the whole recording") from None
     except OSError as e:
         raise BadInput(f"{path}: cannot be read ({e.strerror}); get the file again") from None
+    if encoding != "ascii" and raw.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        raw = raw.decode("utf-16", "replace").encode()
     try:
         text, bad = raw.decode(encoding), raw.find(b"\0")
     except UnicodeDecodeError as e:
-        text, bad = "", e.start
+        text, bad = raw.decode("cp1252", "ignore"), e.start if encoding == "ascii" else raw.find(b"\0")
     if bad >= 0:
         line = raw[:bad].count(b"\n") + 1
         kind = "plain ASCII" if encoding == "ascii" else "UTF-8"
@@ -164,20 +169,70 @@ def whole_numbers(table: TextTable, column: int, name: str, unique: bool = False
 # ---- CSV files, their columns by name
 
 
-def read_lines(path: Path, numbers: Sequence[str], names: Sequence[str], delimiter: str) -> TextTable:
-    """Read columns by their names in the first line, as numbers or as text.
+COMMENTS = ("#", "%", "//")  # begin a line above the names of the columns
 
-    Lines with another number of fields are left out; a field that is not a number counts as empty. So is a last line
-    without an end that has fewer fields than the first, or ends inside one of `numbers`, as digits may be missing.
+
+class FieldsBelow(NamedTuple):
+    """A text file in fields: the names of its columns, and the lines below them."""
+
+    head: list[str]
+    line: int  # of the names, from 1
+    rows: list[tuple[int, list[str]]]  # number of the line from 1, and its fields
+
+
+def split_fields(text: str, delimiter: str) -> FieldsBelow:
+    """Return the names of the columns and the lines below them, those that are blank left out.
+
+    Names stand in the first line, or in the last comment above it, or are "1", "2" ... where that line has numbers
+    already. An empty field at the end of a line, for which there is no name, does not count.
+    """
+    rows = list(fields_of(text, delimiter))
+    above = next((k for k, (_, fields) in enumerate(rows) if not fields[0].startswith(COMMENTS)), len(rows))
+    comments, rows = rows[:above], rows[above:]
+    if not rows:
+        return FieldsBelow([], 1, [])
+    line, head = rows[0]
+    has_number = [np.isfinite(parse_field(field)) for field in head]
+    below = [fields for _, fields in rows[1:4]]
+    if any(np.isfinite(parse_field(b)) > a for fields in below for a, b in zip(has_number, fields, strict=False)):
+        rows = rows[1:]  # it has a word where there are numbers below
+    elif comments and len(named := _uncomment(text, comments[-1][0], delimiter)) == len(head) > 1:
+        line, head = comments[-1][0], named
+    elif all(has_number) and len(rows) > 1:
+        head = [str(k + 1) for k in range(len(head))]
+    else:
+        rows = rows[1:]
+    n = len(head)
+    rows = [(i, fields[:n] if len(fields) == n + 1 and not fields[-1] else fields) for i, fields in rows]
+    return FieldsBelow([name.lstrip("#%").strip() for name in head], line, rows)
+
+
+def _uncomment(text: str, line: int, delimiter: str) -> list[str]:
+    """Return the fields of a comment."""
+    words = text.split("\n")[line - 1].lstrip("#%/ ")
+    return next((fields for _, fields in fields_of(words, delimiter)), [])
+
+
+def read_lines(path: Path, numbers: Sequence[str], names: Sequence[str], delimiter: str) -> TextTable:
+    """Read columns by their names, as numbers or as text.
+
+    Lines with another number of fields, or with words in place of all `numbers`, are left out; another field that is
+    not a number counts as empty. So is a last line without an end that has fewer fields than the first, or ends inside
+    one of `numbers`, as digits may be missing.
     """
     text = read_text(path, "utf-8-sig")
-    content = list(fields_of(text, delimiter))
-    first, head = content.pop(0) if content else (1, [])
+    head, first, content = split_fields(text, delimiter)
     of_numbers = [find_column(path, first, head, name) for name in numbers]
     of_names = [find_column(path, first, head, name) for name in names]
     faults = [(line, f"{len(fields)} fields, not {len(head)}") for line, fields in content if len(fields) != len(head)]
     if content and not text.endswith("\n") and len(content[-1][1]) == len(head) and len(head) - 1 in of_numbers:
         faults.append((content[-1][0], "the last line has no end and may be cut off"))
+    torn = {line for line, _ in faults}
+    faults += [
+        (line, f"{short_repr(fields[of_numbers[0]])} and all others are no numbers")
+        for line, fields in content[:2] * (len(of_numbers) > 1)
+        if line not in torn and all(np.isinf(parse_field(fields[i])) for i in of_numbers)
+    ]
     notes, bad = leave_out(path, faults, len(content)), {line for line, _ in faults}
     content = [(line, fields) for line, fields in content if line not in bad]
     for i in of_numbers:
@@ -199,12 +254,18 @@ def fields_of(text: str, delimiter: str) -> Iterator[tuple[int, list[str]]]:
     """Yield the lines that are not blank: number, and fields. A quote without its partner ends with its line."""
     for i, line in enumerate(text.split("\n"), 1):
         try:
-            raw = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
+            whole = line.strip() if delimiter == " " else line  # columns may be aligned by blanks
+            raw = next(csv.reader([whole], delimiter=delimiter, skipinitialspace=True), [])
         except csv.Error:  # a field of more than 100,000 characters
             raw = [line]
         fields = [field.strip() for field in raw]
         if any(fields):
             yield i, fields
+
+
+def has_columns(path: Path, names: Sequence[str], delimiter: str) -> bool:
+    """Return whether a file has columns of these names."""
+    return {*names} <= {*split_fields(read_text(path, "utf-8-sig"), delimiter).head}
 
 
 def find_column(path: Path, line: int, head: list[str], name: str) -> int:
@@ -218,5 +279,26 @@ def find_column(path: Path, line: int, head: list[str], name: str) -> int:
 
 
 def parse_field(field: str) -> float:
-    """Return the number in a field, nan where it is empty, inf where it is not a number."""
-    return parse_number(field) if field else np.nan
+    """Return the number in a field, nan where it is empty, inf where it is not a number.
+
+    A comma may stand for the decimal point. A date is seconds since 1970 (UTC, if it names no other zone), a time of
+    day seconds since midnight.
+    """
+    if not field:
+        return np.nan
+    number = parse_number(field)
+    if np.isinf(number):
+        number = parse_number(field.replace(",", ".", 1))
+    return parse_date(field.replace(",", ".")) if np.isinf(number) and ":" in field else number
+
+
+def parse_date(field: str) -> float:
+    """Return a date with a time, or a time of day, in seconds; inf where it is neither."""
+    if match := re.fullmatch(r"(\d{1,2}):(\d\d):(\d\d(?:\.\d+)?)", field):
+        hours, minutes, seconds = map(float, match.groups())
+        return 3600 * hours + 60 * minutes + seconds
+    try:
+        date = datetime.fromisoformat(field.replace("/", "-"))
+    except ValueError:
+        return np.inf
+    return (date if date.tzinfo else date.replace(tzinfo=UTC)).timestamp()

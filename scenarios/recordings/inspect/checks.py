@@ -201,7 +201,7 @@ def check_heading_unit(c: CheckedLog, i: int) -> None:
     needed = max(0.6, as_read + 0.3)
     if largest > 2.1 * np.pi and agreement(DEGREE) > needed:
         kind, unit, factor = ANGLE_UNITS[0]
-    elif largest < 2.1 * np.pi * DEGREE and concentration(direction)[0] < 0.8 and agreement(1 / DEGREE) > needed:
+    elif concentration(direction)[0] < 0.8 and agreement(1 / DEGREE) > needed:
         kind, unit, factor = ANGLE_UNITS[1]
     else:
         return
@@ -392,8 +392,7 @@ def check_stale(c: CheckedLog, i: int) -> None:
     if found := repeats(same_pose, STALE_LENGTH) or repeats(same_place, STALE_PLACE):
         longest = max(end - start for start, end in found)
         fact = f"the position repeats exactly while the robot drives: {len(found)} times, for up to {longest:.1f} s"
-        setting = "leave the repeated positions empty in the file"
-        c.add("stale", i, m.poses.source, fact, "sure", setting, "truth", ("x", "y"))
+        c.add("stale", i, m.poses.source, fact, "sure", 'repeats = "stale"', "truth")
         stale = np.any([(t > start) & (t <= end) for start, end in found], axis=0)
         c.correct("truth", i, m.poses._replace(time=t[~stale], values=m.poses.values[~stale]))
 

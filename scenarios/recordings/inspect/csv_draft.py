@@ -6,11 +6,12 @@ names of the files.
 
 import csv
 import re
-from collections.abc import Iterable, Mapping, Sequence
-from itertools import pairwise
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from itertools import pairwise, permutations
 from pathlib import Path
 from reprlib import repr as short_repr
 from typing import Any, NamedTuple
+from unicodedata import normalize
 
 import numpy as np
 
@@ -19,11 +20,11 @@ from cooploc.estimators.interface import Array
 from cooploc.scenarios.recordings.inspect.checks import Finding
 from cooploc.scenarios.recordings.inspect.draft_toml import Draft, DraftTable, Entry
 from cooploc.scenarios.recordings.schema import COLUMNS, UNITS
-from cooploc.scenarios.recordings.text_files import fields_of, parse_field, parse_number, read_text
+from cooploc.scenarios.recordings.text_files import COMMENTS, parse_field, read_text, split_fields
 
-ENDINGS = (".csv", ".txt", ".tsv")
-DELIMITERS = (",", ";", "\t", "|", " ")
-REMEDY = 'name the files odom_NAME.csv and truth_NAME.csv, or write log.toml by hand; README, "Your own robots"'
+ENDINGS = (".csv", ".txt", ".tsv", ".dat", ".log")
+DELIMITERS = (";", ",", "\t", "|", " ")
+REMEDY = "name the files odom_NAME.csv and truth_NAME.csv, or write log.toml by hand (docs/how-to/robots.md)"
 READINGS = ("ranges", "rssi", "sightings")
 STAMPS = ("time", "sec", "nsec")
 KINDS = ("velocity", "path", "displacement", "pose")  # of odometry; the first whose columns a file has
@@ -41,6 +42,7 @@ class Guess(NamedTuple):
     unit: str  # as in log.toml; "" if there is none
     side: str  # "truth" or "odometry", if the name says so
     reason: str
+    quaternion: tuple[str, ...] = ()  # the columns of which it is the last
 
 
 class CsvTable(NamedTuple):
@@ -50,6 +52,7 @@ class CsvTable(NamedTuple):
     delimiter: str
     columns: Mapping[str, Array | tuple[str, ...]]  # numbers (rows,), nan where empty; else the fields as they are
     guesses: tuple[Guess, ...] = ()
+    robots: tuple[str, ...] = ()  # whose names stand in place of {robot} in the names of columns
 
     def numbers(self, column: str) -> Array:
         """Return a column's finite numbers, in order; none of a column of words."""
@@ -68,20 +71,68 @@ def read_csv(path: Path, name: str) -> CsvTable:
     text = read_text(path, "utf-8-sig").lstrip()
     if not text:
         raise BadInput(f"{path}: the file is empty; get it again")
-    fields = {d: len(next(csv.reader([text.partition("\n")[0]], delimiter=d), [])) for d in DELIMITERS}
+    lines = text.split("\n")
+    first = next((line for line in lines if line and not line.startswith(COMMENTS)), lines[0]).strip()
+    fields = {d: len(next(csv.reader([first], delimiter=d, skipinitialspace=True), [])) for d in DELIMITERS}
     delimiter = max(DELIMITERS, key=lambda d: (fields[d] > 1, d != " ", fields[d]))
-    head, *rows = (row for _, row in fields_of(text, delimiter))
-    head = [name.lstrip("#").strip() for name in head]
-    if all(np.isfinite(parse_number(field)) for field in head if field):
-        raise BadInput(f"{path}, line 1: numbers where the names of the columns should be; add a line of names")
+    head, line, rows = split_fields(text, delimiter)
     if twice := next((name for name in head if head.count(name) > 1), None):
-        raise BadInput(f"{path}, line 1: two columns are named {short_repr(twice)}; rename one")
-    whole = [row for row in rows if len(row) == len(head)]
+        raise BadInput(f"{path}, line {line}: two columns are named {short_repr(twice)}; rename one")
+    whole = [row for _, row in rows if len(row) == len(head)]
     if not whole:
-        raise BadInput(f"{path}: it has no line of data with {len(head)} fields as in line 1; get the file again")
-    columns = {column: _values(words) for column, words in zip(head, zip(*whole, strict=True), strict=True)}
-    found = CsvTable(name, delimiter, columns)
+        raise BadInput(f"{path}: it has no line of data with {len(head)} fields as in line {line}; get the file again")
+    patterns, robots = columns_of_robots(head)
+    columns: dict[str, Array | tuple[str, ...]] = {}
+    for column, words in zip(head, zip(*whole, strict=True), strict=True):  # of several robots the first one's values
+        columns.setdefault(patterns.get(column, column), _values(words))
+    found = CsvTable(name, delimiter, columns, (), robots)
     return found._replace(guesses=infer_columns(found))
+
+
+NO_ROBOTS = {
+    "linear",
+    "angular",
+    "position",
+    "orientation",
+    "pose",
+    "twist",
+    "q",
+    "start",
+    "end",
+    "goal",
+    "left",
+    "right",
+}
+
+
+def columns_of_robots(head: Sequence[str]) -> tuple[dict[str, str], tuple[str, ...]]:
+    """Return the columns of a file that has some for each robot, with {robot} in their names, and the robots.
+
+    red_x, red_y, blue_x, blue_y are {robot}_x and {robot}_y of red and blue; d12 is d{robot}{other} of 1 and 2. Two
+    columns of motion or position must be there for every robot.
+    """
+    words_at: dict[str, dict[str, str]] = {}  # pattern -> {robot: column}
+    for column in head:
+        for match in re.finditer(r"\d+|[A-Za-z]+?(?=\d|[A-Z][a-z]|[^A-Za-z]|$)", column):
+            if {*words_of(match[0])} & {*QUANTITY, *TRUTH, *ODOMETRY, *UNIT, *NO_ROBOTS}:
+                continue
+            pattern = f"{column[: match.start()]}{{robot}}{column[match.end() :]}"
+            words_at.setdefault(pattern, {})[match[0]] = column
+    teams: dict[frozenset[str], set[str]] = {}
+    for pattern, of in words_at.items():
+        if len(of) > 1 and name_meaning(pattern)[0] in ("x", "y", "speed", "turn_rate", "heading"):
+            teams.setdefault(frozenset(of), set()).add(name_meaning(pattern)[0])
+    team = max(teams, key=lambda team: (len(teams[team]), len(team)), default=frozenset[str]())
+    if not (teams.get(team, set()) >= {"x", "y"} or teams.get(team, set()) >= {"speed", "turn_rate"}):
+        return {}, ()
+    found = {column: p for p, of in words_at.items() if {*of} == team for column in of.values()}
+    robots = tuple(dict.fromkeys(word for of in words_at.values() if {*of} == team for word in of))
+    for a, b in permutations(robots, 2):
+        pair = re.compile(rf"(?<![A-Za-z0-9]){a}(\D*?){b}(?![A-Za-z0-9])|(?<=[A-Za-z]){a}(\D*?){b}(?!\d)")
+        for column in head:
+            if name_meaning(column)[0] in ("range", "rssi") and pair.search(column):
+                found[column] = pair.sub(lambda m: f"{{robot}}{m[1] or m[2] or ''}{{other}}", column)
+    return found, robots
 
 
 def _values(fields: tuple[str, ...]) -> Array | tuple[str, ...]:
@@ -99,7 +150,7 @@ def _read_files(paths: Iterable[Path], folder: Path, data: Path) -> tuple[list[C
         try:
             files.append(read_csv(path, name))
         except BadInput as e:
-            unread.append(f"{name}: a text, and no table" if path.suffix.lower() == ".txt" else str(e))
+            unread.append(str(e) if path.suffix.lower() == ".csv" else f"{name}: a text, and no table")
     return files, unread
 
 
@@ -113,30 +164,36 @@ def _text_files(folder: Path) -> list[Path]:
 WORDS = {
     "nsec": "nsec nsecs nanosec nanoseconds nanosecs",
     "sec": "sec secs seconds",
-    "time": "t time stamp timestamp ts clock",
-    "turn_rate": "w omega wz yawrate gyro angvel turnrate",
+    "time": "t time stamp timestamp ts clock zeit zeitstempel temps tiempo tempo",
+    "turn_rate": "w omega wz yawrate gyro angvel turnrate drehrate gierrate winkelgeschwindigkeit",
     "rssi": "rssi signal dbm power",
     "bearing": "bearing azimuth aoa doa",
-    "heading": "yaw theta heading th psi orientation azimut",
-    "range": "range ranges dist distance tof uwb",
+    "heading": "yaw theta heading th psi orientation azimut winkel richtung kurs cap orientacion angulo rumbo",
+    "range": "range ranges dist distance tof uwb d abstand entfernung distanz distancia distanza",
     "dx": "dx deltax",
     "dy": "dy deltay",
     "length": "length path odometer mileage travelled metres meters",
-    "speed": "v vx vel velocity speed vlin",
-    "x": "x px posx east easting",
-    "y": "y py posy north northing",
-    "other": "to other target responder tag subject anchor landmark dst dest receiver",
-    "robot": "robot id from name agent vehicle source src initiator node sender",
+    "speed": "v vx vel velocity speed vlin geschwindigkeit vitesse velocidad velocita",
+    "x": "x px tx posx east easting",
+    "y": "y py ty posy north northing",
+    "other": "to other target responder tag subject anchor landmark dst dest destination receiver "
+    "nach zu vers hasta hacia",
+    "robot": "robot id from name agent vehicle source src initiator node sender roboter von de desde",
 }
 PAIRS = {  # two words that together name one quantity
-    "turn_rate": ("yaw rate", "turn rate", "ang vel", "vel w", "angular z", "angular velocity", "angular vel"),
+    "turn_rate": (
+        *("yaw rate", "turn rate", "ang vel", "vel w", "angular z", "angular velocity", "angular vel"),
+        *("vitesse angulaire", "velocidad angular", "velocita angolare"),
+    ),
     "speed": ("linear x", "vel v", "vel x"),
-    "": ("vel y",),
+    "": ("vel y", "frame id"),
     "dx": ("delta x",),
     "dy": ("delta y",),
 }
 TRUTH = {"truth", "true", "gt", "groundtruth", "ground", "mocap", "vicon", "optitrack", "vrpn", "pos", "cap"}
+TRUTH |= {"wahrheit", "verite", "verdad", "verdadera"}
 ODOMETRY = {"odom", "odometry", "odo", "wheel", "wheels", "encoder", "imu", "cmd"}
+ODOMETRY |= {"odometrie", "odometria"}
 UNIT = {"millimeters": "mm", "millimetres": "mm", "degs": "deg", "degree": "deg", "degrees": "deg", "radians": "rad"}
 UNIT |= {"dbm": "dBm", "mps": "m/s", "kmh": "km/h"}
 UNIT |= {unit: unit for unit in ("mm", "cm", "m", "deg", "rad", "ms", "us", "ns", "s")}
@@ -155,12 +212,13 @@ QUANTITY_OF_PAIR = {pair: quantity for quantity, pairs in PAIRS.items() for pair
 
 def words_of(name: str) -> list[str]:
     """Return the words of a name in small letters: camelCase, digits and signs divide it."""
-    return [word.lower() for word in re.findall(r"[A-Za-z]+", re.sub(r"([a-z])([A-Z])", r"\1 \2", name))]
+    plain = normalize("NFKD", name).encode("ascii", "ignore").decode().replace("{robot}", " ").replace("{other}", " ")
+    return [word.lower() for word in re.findall(r"[A-Za-z]+", re.sub(r"([a-z])([A-Z])", r"\1 \2", plain))]
 
 
 def name_meaning(column: str) -> tuple[str, str, str]:
     """Return quantity, unit and side by a column's name, "" where unknown; a unit that does not fit is left out."""
-    inside = re.search(r"[\[(]([^\])]*)[\])]", column)
+    inside = re.search(r"[\[(]([^\])]*)[\])]", column.replace("°", "deg"))
     words = words_of(re.sub(r"[\[(][^\])]*[\])]", " ", column))
     pair = next((f"{a} {b}" for a, b in pairwise(words) if f"{a} {b}" in QUANTITY_OF_PAIR), "")
     known = [QUANTITY[word] for word in words if word in QUANTITY]
@@ -183,13 +241,48 @@ def side_of(words: list[str]) -> str:
 SI = {"time": "s", "sec": "s", "nsec": "ns", "turn_rate": "rad/s", "speed": "m/s", "rssi": "dBm"}  # else m
 EPOCHS = {"ns": 1e9, "us": 1e6, "ms": 1e3, "s": 1.0}  # in a second
 SINCE_1970 = (5e8, 5e9)  # [s] from 1985 to 2128
+SLOW = 2.0  # [1/s] in radians robots turn more slowly, in degrees faster
 NAMES = ("robot", "other")  # quantities whose values are names
 
 
 def infer_columns(table: CsvTable) -> tuple[Guess, ...]:
     """Guess the meaning of each column."""
-    file_side = side_of(words_of(Path(table.name).stem))
-    return tuple(_guess(table, column, file_side) for column in table.columns)
+    file_side, quaternions = side_of(words_of(Path(table.name).stem)), _quaternions(table)
+    return tuple(
+        quaternions[column]._replace(side=side_of(words_of(column)) or file_side)
+        if column in quaternions
+        else _guess(table, column, file_side)
+        for column in table.columns
+    )
+
+
+def _quaternions(table: CsvTable) -> dict[str, Guess]:
+    """Return guesses for columns that are quaternions, of x, y, z, w or of z, w: the last is taken for the heading.
+
+    Eight columns without names, of which the last four are a quaternion, are stamp, position and orientation (TUM).
+    """
+    found: dict[str, Guess] = {}
+    unnamed = tuple(map(str, range(1, 9)))
+    for column in table.columns:
+        own = [column[:-1] + q for q in "xyzw" if column[:-1] + q in table.columns] if column[-1:] == "w" else []
+        own = list(unnamed[4:]) if column == "8" and tuple(table.columns) == unnamed else own
+        values = [table.columns[name] for name in own if not isinstance(table.columns[name], tuple)]
+        if len(values) not in (2, 4) or len(values) < len(own):
+            continue
+        if (np.abs(np.linalg.norm(np.array(values, float), axis=0) - 1) < 0.01).mean() > 0.9:
+            found |= {name: Guess(name, "", "", "", PART) for name in own}
+            whole = f"with {', '.join(own[:-1])} of length 1: a quaternion"
+            found[column] = Guess(column, "heading", "rad", "", whole, tuple(own))
+            if column == "8":
+                names = {"1": ("time", "s"), "2": ("x", "m"), "3": ("y", "m"), "4": ("", "")}
+                found |= {
+                    name: Guess(name, q, unit, "", f"column {name} of eight as in TUM files")
+                    for name, (q, unit) in names.items()
+                }
+    return found
+
+
+PART = "part of a quaternion"
 
 
 def _guess(table: CsvTable, column: str, file_side: str) -> Guess:
@@ -214,11 +307,22 @@ def _guess(table: CsvTable, column: str, file_side: str) -> Guess:
     if rises and (quantity, side) == ("x", "odometry") and ("y", "odometry") not in beside:
         quantity = "length"
         reason += " has no y beside it, and its values only rise: a counter of metres"
-    unit, why = _unit(quantity, named_unit, values)
+    unit, why = _unit(quantity, named_unit, values, _turn_rate(table, column) if quantity == "heading" else np.inf)
     return Guess(column, quantity, unit, side or file_side, reason + (f"; {why}" if why else ""))
 
 
-def _unit(quantity: str, named: str, values: Array) -> tuple[str, str]:
+def _turn_rate(table: CsvTable, column: str) -> float:
+    """Return how fast a column of angles turns: the 90th percentile of its changes [1/s]; inf where that is unknown."""
+    stamp = next((c for c in table.columns if name_meaning(c)[0] == "time"), column)
+    t, values = table.columns[stamp], table.columns[column]
+    if isinstance(t, tuple) or isinstance(values, tuple) or not np.isfinite(t).any():
+        return np.inf
+    dt = np.diff(t) / EPOCHS[_time_unit(t[np.isfinite(t)])[0]]
+    rates = np.abs(np.diff(values))[dt > 0] / dt[dt > 0]
+    return float(np.nanquantile(rates, 0.9)) if np.isfinite(rates).any() else np.inf
+
+
+def _unit(quantity: str, named: str, values: Array, turn_rate: float) -> tuple[str, str]:
     """Return the unit of a quantity and the reason: by the column's name, else by its values."""
     if quantity in NAMES:
         return "", ""
@@ -230,6 +334,11 @@ def _unit(quantity: str, named: str, values: Array) -> tuple[str, str]:
     if quantity == "time":
         return _time_unit(values)
     largest, usual = (float(q) for q in np.quantile(np.abs(values), [0.99, 0.75]))
+    if angle and largest > 2.1 * np.pi and turn_rate < SLOW and not (np.abs(np.diff(values)) > 300).any():
+        return (
+            "rad",
+            f"values reach {largest:.4g} and turn by up to {turn_rate:.2g} in a second: radians, unwrapped, perhaps",
+        )
     if angle and 2.1 * np.pi < largest <= 361:
         return "deg", f"values reach {largest:.4g}, more than 2 pi"
     if angle:
@@ -405,19 +514,27 @@ def _draft_run(folder: Path, data: Path) -> tuple[Draft, tuple[str, ...]]:
     for needed in ("odometry", "truth"):
         if needed not in {part.table for part in parts}:
             unread = next((line for line in unused if line.startswith(str(data))), "")
-            raise BadInput(unread or f"{folder}: no file has columns that look like {needed}; {REMEDY}")
+            if nameless := next((file.name for file in files if [*file.columns][:2] == ["1", "2"]), ""):
+                unread = f"{folder / nameless}: numbers where the names of the columns should be; add a line of names"
+            what = {"odometry": "(speeds and turn rates, poses, or steps), from which every estimator starts"}
+            what_lacks = f"{needed} {what.get(needed, '(x and y)')}"
+            raise BadInput(unread or f"{folder}: no file has columns that look like {what_lacks}; {REMEDY}")
     robots = ("robot",) if runs else _robots(folder, parts)
     entries.append(Entry("robots", list(robots), why or "their names in the names of the files", "likely"))
     if delimiter != ",":
         entries.append(Entry("delimiter", delimiter, "between the names in the first line"))
-    drafted = [_draft_table(part, robots, runs) for part in parts]
+    fixed = [name for part in parts if part.table in ("anchors", "landmarks") for name in _surveyed(part)]
+    drafted = [_draft_table(part, robots, fixed, runs, delimiter) for part in parts]
+    for part, table in zip(parts, drafted, strict=True):
+        if isinstance(table, str) and part.table in ("odometry", "truth"):
+            raise BadInput(f"{folder}: {table}; or {REMEDY}")
     unused += [table for table in drafted if isinstance(table, str)]
-    tables = tuple(table for table in drafted if isinstance(table, DraftTable))
+    tables = tuple({repr(table.entries): table for table in drafted if isinstance(table, DraftTable)}.values())
     columns = []
     for file in files:
         for g in file.guesses:
             columns.append((file.name, g.column, (g.quantity or "not known") + f" [{g.unit}]" * bool(g.unit), g.reason))
-        if unknown := [g.column for g in file.guesses if not g.quantity]:
+        if unknown := [g.column for g in file.guesses if g.column and not g.quantity and g.reason != PART]:
             unused.append(f"{file.name}: columns {', '.join(unknown)}")
     return Draft(tuple(entries), tables, tuple(columns), tuple(unused), doubts), robots
 
@@ -451,15 +568,19 @@ def _are_runs_of_one_robot(files: Sequence[CsvTable]) -> tuple[bool, str]:
 def _robots(folder: Path, parts: Sequence[TablePart]) -> tuple[str, ...]:
     """Return names from a column of names, else from the files' names, else the one file's name."""
     own = [part for part in parts if part.table in ("odometry", "truth")]
+    if wide := next((file.robots for part in own for file in part.files if file.robots), ()):
+        return wide
     if column := next((part for part in own if "robot" in part.columns), None):
-        return column.names("robot")
+        return tuple(map(_clean_name, column.names("robot")))
     for part in own:
         if names := file_pattern(part.file_names)[1]:
             named = [file_pattern(other.file_names, names)[1] or names for other in own]
             return tuple(name for name in names if all(name in some for some in named)) or names
     files = {name for part in own for name in part.file_names}
     if len(files) == 1:
-        return (Path(files.pop()).stem,)
+        return (_clean_name(Path(files.pop()).stem),)
+    if all(len(part.files) == 1 for part in own):
+        return ("robot",)  # one file of odometry and one of the truth
     raise BadInput(f"{folder}: neither the names of files nor a column says which robot is which; {REMEDY}")
 
 
@@ -481,30 +602,77 @@ def file_pattern(files: Sequence[str], known: Sequence[str] = ()) -> tuple[str, 
     return (best, tuple(dict.fromkeys(robots))) if len(robots) > 1 or len(files) == len(robots) else (files[0], ())
 
 
-def _draft_table(part: TablePart, robots: tuple[str, ...], runs: bool) -> DraftTable | str:
-    """Return one table of log.toml; or why it cannot be used."""
+def _draft_table(
+    part: TablePart, robots: tuple[str, ...], fixed: Sequence[str], runs: bool, delimiter: str
+) -> DraftTable | str:
+    """Return one table of log.toml; or why it cannot be used. `fixed` are names of places."""
     table, files, columns, readings = part.table, part.file_names, part.columns, part.table in READINGS
     names = ", ".join(files)
     if table in ("anchors", "landmarks"):
         return DraftTable(table, (Entry("places", _surveyed(part), f"{files[0]} has names and places, and no stamps"),))
     pattern, named = file_pattern(files, robots)
+    words = [*named, *part.names("robot"), *part.names("other")]
+    nodes = match_names((word for word in words if _clean_name(word) not in fixed), robots)
     if runs:
         file = Entry("file", f"{{run}}{Path(files[0]).suffix}", "a file for each run")
+    elif any("{robot}" in g.column for g in columns.values()):
+        file = Entry("file", files[0], "one file for all robots, with columns of each")
     elif "robot" in columns and (len(files) == 1 or not named):
         file = Entry("file", files[0], "one file for all robots")
-    elif {*named} & {*robots}:
+    elif {nodes.get(name, name) for name in named} & {*robots}:
         file = Entry("file", pattern, f"a file for each robot: {names}")
         columns = {q: g for q, g in columns.items() if q != "robot"}
+    elif len(robots) == len(files) == 1:
+        file = Entry("file", files[0], "of the one robot")
     else:
         return f"{names}: looks like {table}, but does not say whose it is; add a column `robot`"
-    if readings and "other" not in columns:
-        return f"{names}: looks like {table}, but does not say to whom; add a column `to` with names, or write `each`"
+    each = [g for g in part.files[0].guesses if g.quantity == table.removesuffix("s")] if readings else []
+    if readings and "other" not in columns and not any("{other}" in g.column for g in each):
+        return _draft_each(part, each, file, columns, robots, fixed)
     time = [columns[q] for q in STAMPS if q in columns]
     stamps, why = [_column(guess) for guess in time], "; ".join(guess.reason for guess in time)
     entries = [Entry("kind", part.kind, "its columns")] if part.kind else []
+    if part.files[0].delimiter != delimiter:
+        entries.append(Entry("delimiter", part.files[0].delimiter, "between the fields of these files"))
     entries += [file, Entry("time", stamps if len(stamps) > 1 else stamps[0], why)]
     entries += [_entry(q, columns[q]) for q in columns if q not in STAMPS and (q != "other" or readings)]
+    if nodes:
+        entries.append(Entry("nodes", nodes, "these words and the names of the robots are alike", "likely"))
     return DraftTable(table, tuple(entries))
+
+
+def _draft_each(
+    part: TablePart,
+    each: Sequence[Guess],
+    file: Entry,
+    columns: Mapping[str, Guess],
+    robots: Sequence[str],
+    fixed: Sequence[str],
+) -> DraftTable | str:
+    """Return a table of readings with a column for each thing measured; or what to write, if it has no name."""
+    table, columns_of = part.table, {name: g for g in each for name in (*robots, *fixed) if _ends_with(g.column, name)}
+    if table == "sightings" or len(columns_of) < len(each):
+        own = ", ".join(f'a{k} = "{g.column}"' for k, g in enumerate(each, 1))
+        remedy = f"write [{table}] with each = {{ {own} }}, and [anchors] with places = {{ a1 = [X, Y], ... }}"
+        return f"{', '.join(part.file_names)}: {table} of things without a name; add a column `to`, or {remedy}"
+    time = [_column(columns[q]) for q in STAMPS if q in columns]
+    patterns = {g.column[: -len(name)] + "{other}": g for name, g in columns_of.items()}
+    found = Entry("each", {name: _column(g) for name, g in columns_of.items()}, "columns end with a name", "likely")
+    if len(patterns) == 1 and {*columns_of} <= {*robots}:
+        pattern, guess = patterns.popitem()
+        found = _entry(table.removesuffix("s"), guess._replace(column=pattern))
+    return DraftTable(
+        table,
+        (
+            file,
+            Entry("time", time if len(time) > 1 else time[0], columns[next(q for q in STAMPS if q in columns)].reason),
+            found,
+        ),
+    )
+
+
+def _ends_with(column: str, name: str) -> bool:
+    return re.sub(r"[\W_]", "", column).lower().endswith(re.sub(r"[\W_]", "", name).lower())
 
 
 def _surveyed(part: TablePart) -> dict[str, list[float]]:
@@ -514,10 +682,31 @@ def _surveyed(part: TablePart) -> dict[str, list[float]]:
     named = words if isinstance(words, tuple) else [f"{number:g}" for number in words]
     x, y = (np.asarray(file.columns[columns[q].column], float) * UNITS["m"][columns[q].unit] for q in "xy")
     return {
-        re.sub(r"[\s,/{}\[\]]", "_", name): [float(a), float(b)]
+        _clean_name(name): [float(a), float(b)]
         for name, a, b in zip(named, x, y, strict=True)
         if name and np.isfinite([a, b]).all()
     }
+
+
+def _clean_name(word: str) -> str:
+    """Return a name for a word in a file: blanks, and signs that a name cannot have, become _."""
+    return re.sub(r"[\s,/{}\[\]]", "_", word)
+
+
+def match_names(words: Iterable[str], robots: Sequence[str]) -> dict[str, str]:
+    """Return the robots that other words mean: the same but for capitals and signs, else with the same number."""
+    found: dict[str, str] = {}
+    strangers = [word for word in dict.fromkeys(words) if word not in robots]
+    forms: tuple[Callable[[str], str], ...] = (
+        lambda name: re.sub(r"[\W_]", "", name).lower(),
+        lambda name: (re.findall(r"\d+", name) or [""])[-1].lstrip("0"),
+    )
+    for form in forms:
+        for word in strangers:
+            alike = [r for r in robots if form(word) and form(r) == form(word) and r not in found.values()]
+            if word not in found and len(alike) == 1:
+                found[word] = alike[0]
+    return found
 
 
 def _entry(quantity: str, guess: Guess) -> Entry:
@@ -526,5 +715,7 @@ def _entry(quantity: str, guess: Guess) -> Entry:
 
 
 def _column(guess: Guess) -> Any:
-    """Return a column in TOML: its name alone if its unit is SI."""
+    """Return a column in TOML: its name alone if its unit is SI; the columns of a quaternion."""
+    if guess.quaternion:
+        return {"quaternion": list(guess.quaternion)}
     return guess.column if guess.unit in UNITS else {"column": guess.column, "unit": guess.unit}

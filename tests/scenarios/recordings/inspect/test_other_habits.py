@@ -1,0 +1,134 @@
+"""One team in the files that others would write: each is read as the same recording, without a log.toml by hand."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from made_csv_teams import two_robots
+
+import cooploc as cl
+
+ROBOTS = ("red", "blue")
+
+
+def renamed(words):
+    return lambda files: {name: table.rename(columns=words) for name, table in files.items()}
+
+
+def changed(**columns):
+    """The files with functions applied to columns."""
+    return lambda files: {
+        name: table.assign(**{c: change(table[c]) for c, change in columns.items() if c in table})
+        for name, table in files.items()
+    }
+
+
+def dates(form):
+    return changed(time=lambda t: pd.to_datetime(t, unit="s").dt.round("us").dt.strftime(form))
+
+
+def quaternion(names):
+    def change(files):
+        for robot in ROBOTS:
+            half = files[f"truth_{robot}.csv"].pop("theta") / 2
+            columns = (0 * half, 0 * half, np.sin(half), np.cos(half))
+            files[f"truth_{robot}.csv"][list(names)] = np.stack(columns[-len(names) :], -1)
+        return files
+
+    return change
+
+
+def other_names(files):
+    for new, old in (("truth_tb-01.csv", "truth_red.csv"), ("truth_tb-02.csv", "truth_blue.csv")):
+        files[new] = files.pop(old)
+    files["uwb.csv"] = files["uwb.csv"].replace({"red": "Robot 1", "blue": "Robot 2"})
+    return {name.replace("odom_red", "odom_robot1").replace("odom_blue", "odom_robot2"): t for name, t in files.items()}
+
+
+def wide(files):
+    """All in one file, with columns for each robot; headings go on beyond pi."""
+    table = pd.DataFrame({"time": files["odom_red.csv"]["time"]})
+    for i, robot in enumerate(ROBOTS, 1):
+        odometry, truth = files[f"odom_{robot}.csv"], files[f"truth_{robot}.csv"]
+        table[f"v{i}"], table[f"w{i}"] = odometry["v"], odometry["omega"]
+        table[[f"x{i}", f"y{i}"]], table[f"theta{i}"] = truth[["x", "y"]], np.unwrap(truth["theta"])
+    ranges = files["uwb.csv"]
+    table["d12"] = np.interp(table["time"], ranges["time"], ranges["range"])
+    return {"all.csv": table}
+
+
+def ranges_each(files):
+    ranges = files.pop("uwb.csv")
+    for a, b in (ROBOTS, ROBOTS[::-1]):
+        files[f"uwb_{a}.csv"] = ranges[ranges["from"] == a][["time", "range"]].rename(columns={"range": f"range_{b}"})
+    return files
+
+
+def with_units(text):
+    """The text with a line of units, in words, below the names of the columns."""
+    head, lines = text.split("\n", 1)
+    return "\n".join(["// Monday", head, ",".join("s" for _ in head.split(",")), lines])
+
+
+SAME, GERMAN = dict, {"time": "Zeit", "v": "Geschwindigkeit", "omega": "Drehrate", "theta": "Winkel"}
+GERMAN |= {"from": "von", "to": "nach", "range": "Entfernung"}
+SPANISH = {"time": "tiempo", "v": "velocidad", "omega": "velocidad angular", "theta": "orientación"}
+SPANISH |= {"from": "desde", "to": "hasta", "range": "distancia"}
+ROS = {"time": "field.header.stamp", "v": "field.twist.linear.x", "omega": "field.twist.angular.z"}
+DEGREES = dict.fromkeys(("omega", "theta"), np.degrees) | {c: lambda x: 1000 * x for c in ("x", "y", "v", "range")}
+# How the tables are changed, how they are written, and how their text is changed.
+HABITS = {
+    "decimal commas": (renamed(GERMAN), {"sep": ";", "decimal": ","}, None),
+    "Spanish": (renamed(SPANISH), {"encoding": "latin-1"}, None),
+    "UTF-16": (SAME, {"encoding": "utf-16"}, None),
+    "millimetres and degrees": (changed(**DEGREES), {"encoding": "utf-8-sig", "lineterminator": "\r\n"}, None),
+    "nanoseconds": (changed(time=lambda t: (1e9 * t).round().astype("int64")), {"index": True}, None),
+    "dates": (dates("%Y-%m-%dT%H:%M:%S.%fZ"), {}, None),
+    "times of day": (dates("%H:%M:%S.%f"), {}, None),
+    "quaternions": (quaternion(["qx", "qy", "qz", "qw"]), {}, None),
+    "half quaternions": (quaternion(["pose.orientation.z", "pose.orientation.w"]), {}, None),
+    "names of ROS": (renamed(ROS), {}, lambda text: "%" + text),
+    "a comment with the names": (SAME, {"sep": " "}, lambda text: "# by hand\n# " + text),
+    "a line of units": (SAME, {}, with_units),
+    "empty fields at the ends": (SAME, {}, lambda text: text.replace("\n", ",\n").replace(",\n", "\n", 1)),
+    "words": (lambda files: {name: t.assign(status="OK") for name, t in files.items()}, {}, None),
+    "other names": (other_names, {}, None),
+    "wide": (wide, {}, None),
+    "a column for each": (ranges_each, {}, None),
+}
+
+
+@pytest.mark.parametrize("habit", HABITS)
+def test_the_team_is_read_from_files_as_others_write_them(tmp_path, habit):
+    change, options, rewrite = HABITS[habit]
+    tables = {name: pd.DataFrame(columns) for name, columns in two_robots(seconds=40).items()}
+    want = {
+        robot: (tables[f"odom_{robot}.csv"].to_numpy(), tables[f"truth_{robot}.csv"].to_numpy()) for robot in ROBOTS
+    }
+    for name, table in change(tables).items():
+        path = tmp_path / name
+        table.to_csv(path, **({"index": False} | options))
+        if rewrite:
+            path.write_text(rewrite(path.read_text()))
+    inspected = cl.inspect(tmp_path).inspected
+    log, day = inspected.log, 86_400 if habit == "times of day" else np.inf
+    assert inspected.trial.problem == ""
+    assert {finding.kind for finding in inspected.findings} <= {"dropped"}
+    assert list(log.readings) == ["range"]
+    for i, one in enumerate(ROBOTS):
+        k = log.robots.index(one) if one in log.robots else i
+        (t, *u), (_, *pose) = want[one][0].T, want[one][1].T
+        np.testing.assert_allclose(log.odometry[k].time, t % day, atol=2e-5)
+        np.testing.assert_allclose(log.odometry[k].values, np.transpose(u), atol=1e-6)
+        np.testing.assert_allclose(log.truth[k].values[:, :2], np.transpose(pose[:2]), atol=1e-6)
+        np.testing.assert_allclose(np.sin(log.truth[k].values[:, 2]), np.sin(pose[2]), atol=1e-6)
+
+
+def test_readings_of_things_without_a_name_say_what_to_write(tmp_path):
+    tables = {name: pd.DataFrame(columns) for name, columns in two_robots(seconds=40).items()}
+    odometry = tables.pop("odom_red.csv").assign(rssi1=-40, rssi2=-50)
+    odometry.to_csv(tmp_path / "odom.csv", index=False)
+    tables["truth_red.csv"].to_csv(tmp_path / "truth.csv", index=False)
+    found = cl.inspect(tmp_path).inspected
+    assert found.log.robots == ("robot",)
+    assert 'each = { a1 = "rssi1", a2 = "rssi2" }' in " ".join(found.unused)
+    assert "it has no readings beside odometry" in found.trial.lines[0]
