@@ -130,6 +130,24 @@ def _settings(log: TeamLog, runs: int) -> tuple[DraftTable, ...]:
     return DraftTable("sample", sample), DraftTable("prior", prior), DraftTable("fit", fit)
 
 
+# What is assumed of a recording that is too short to be fitted on a part of it, by parameter of [model].
+ASSUMED = {"length_scale": 1.0, "turn_scale": 1.0, "sigma_v": 0.05, "sigma_omega": 0.1, "sigma_move": 0.02}
+ASSUMED |= {"range_bias": 0.0, "range_sigma": 0.2, "anchor_range_bias": 0.0, "anchor_range_sigma": 0.2}
+ASSUMED |= {"A": -40.0, "eta": 2.0, "rssi_sigma": 4.0, "anchor_A": -40.0, "anchor_eta": 2.0, "anchor_rssi_sigma": 4.0}
+ASSUMED |= {f"{of}_sigma_range": 0.15 for of in ("sighting", "landmark")}
+ASSUMED |= {f"{of}_sigma_bearing": 0.05 for of in ("sighting", "landmark")}
+
+
+def assume_models(draft: Draft) -> Draft:
+    """Return the draft with models that are assumed, and nothing fitted."""
+    why = "assumed, as the recording is too short to be fitted on a part of it: write what is known"
+    fit = DraftTable("fit", (Entry("on", "nothing", "a part of the recording is too short"),))
+    entries = tuple(Entry(key, value, why, "perhaps") for key, value in ASSUMED.items())
+    remarks = tuple(line for table in draft.tables if table.name == "model" for line in table.remarks)
+    kept = tuple(table for table in draft.tables if table.name not in ("fit", "model"))
+    return draft._replace(tables=(*kept, fit, DraftTable("model", entries, remarks)))
+
+
 def common_span(log: TeamLog, robots: Sequence[int] | None = None) -> float:
     """Return for how long all robots, or some, were recorded [s]; 0 where they share no time."""
     some = range(len(log.robots)) if robots is None else robots

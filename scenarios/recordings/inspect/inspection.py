@@ -16,6 +16,8 @@ from cooploc.scenarios.recordings.inspect.draft_toml import Draft, Entry, common
 from cooploc.scenarios.recordings.scenario import NO_ORDER, TeamScenario, reader
 from cooploc.scenarios.recordings.team_log import TeamLog, other_names
 
+TOO_LITTLE = "too little for"  # in the problem of a recording that is too short to be fitted
+
 
 class SeriesRow(NamedTuple):
     """A series of a recording: its samples, rate and gaps."""
@@ -87,10 +89,12 @@ def inspect_recording(path: Path, run: str = "", again: bool = False) -> Inspect
     if not stated:
         draft = draft_toml.complete_draft(path, draft, checked.log, findings, len(places))
         text = draft.text(draft_toml.head_lines(path, why, draft))
-    try:
-        trial = try_recordings(directory, schema.parse(home, text))
-    except BadInput as e:
-        trial = Trial(str(e))
+    trial = try_draft(directory, schema.parse(home, text))
+    if not stated and len(places) < 2 and TOO_LITTLE in trial.problem:
+        draft = draft_toml.assume_models(draft)
+        assumed = draft.text(draft_toml.head_lines(path, why, draft))
+        if not (found_trial := try_draft(directory, schema.parse(home, assumed))).problem:
+            text, trial = assumed, found_trial
     found = tuple(places), log, checked.log, tuple(series_rows(log)), findings
     return Inspected(path, description.format, why, *found, draft.columns, draft.unused, text, trial)
 
@@ -147,6 +151,14 @@ def count_measurements(log: TeamLog) -> tuple[tuple[str, ...], tuple[str, ...], 
 
 
 # --- The trial of a log.toml
+
+
+def try_draft(data: Path, description: schema.TeamDescription) -> Trial:
+    """Return what is judged of every run, or why they do not run."""
+    try:
+        return try_recordings(data, description)
+    except BadInput as e:
+        return Trial(str(e))
 
 
 def try_recordings(data: Path, description: schema.TeamDescription) -> Trial:

@@ -28,8 +28,8 @@ MADE = {
     "graph": made_graph,
     **{f"bag {kind}": lambda folder, kind=kind: made_bag(folder, kind, seconds=20.0) for kind in KINDS},
 }
-CHANGES = ("whole", "a robot less", "a late robot")
-REAL = [("wifi-rssi", "whole")]
+CHANGES = ("whole", "a robot less", "a late robot", "a tenth")
+REAL = [("wifi-rssi", "whole"), ("mrclam6", "whole"), ("mrclam6", "a tenth")]
 REAL += [(f"uwb-tiers/{team}", change) for team in ("two-robots", "four-robots") for change in CHANGES]
 
 
@@ -39,8 +39,10 @@ def cut(record, kept):
 
 
 def changed(log, change):
-    """The recording without its last robot, or with one that begins in the middle."""
+    """The recording without its last robot, with one that begins in the middle, or the tenth of it in the middle."""
     begin, end = min(s.time[0] for s in log.odometry), max(s.time[-1] for s in log.odometry)
+    if change == "a tenth":
+        begin, end = begin + 0.45 * (end - begin), begin + 0.55 * (end - begin)
     last = len(log.robots) - 1
     starts = [begin] * last + [(begin + end) / 2 if change == "a late robot" else begin]
     odometry, truth = (
@@ -99,12 +101,19 @@ def test_a_draft_leaves_out_a_robot_that_lacks_a_series(tmp_path, change):
     assert truth.valid.mean() > 0.9
 
 
-@pytest.mark.parametrize(("seconds", "said"), [(4, "too little for"), (60, "state clock_offset")])
-def test_a_draft_that_does_not_run_says_what_to_state(tmp_path, seconds, said):
-    files = two_robots(seconds=seconds)
+def test_a_draft_that_does_not_run_says_what_to_state(tmp_path):
+    files = two_robots(seconds=60)
     for name in ("truth_red.csv", "truth_blue.csv"):
-        files[name]["time"] = files[name]["time"] - 1.6e9 * (seconds == 60)
-    assert said in cl.inspect(write(tmp_path / "team", files)).inspected.trial.problem
+        files[name]["time"] = files[name]["time"] - 1.6e9
+    assert "state clock_offset" in cl.inspect(write(tmp_path / "team", files)).inspected.trial.problem
+
+
+def test_models_of_a_recording_that_is_too_short_to_be_fitted_are_assumed(tmp_path):
+    found = cl.inspect(write(tmp_path / "team", two_robots(seconds=4)))
+    found.write()
+    assert 'on = "nothing"' in found.log_toml
+    assert "assumed, as the recording is too short" in found.log_toml
+    assert cl.simulate("log/all", data=tmp_path / "team")[1].world.motion.sigma_v == 0.05
 
 
 @pytest.mark.slow
