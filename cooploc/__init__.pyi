@@ -12,6 +12,7 @@ from cooploc.analysis.tuning.tune import Tuned as Tuned
 from cooploc.analysis.tuning.tune import load_tuned as load_tuned
 from cooploc.analysis.tuning.tune import training as training
 from cooploc.api import Results as Results
+from cooploc.api import board as board
 from cooploc.api import compare_runs as compare_runs
 from cooploc.api import information as information
 from cooploc.api import load_run as load_run

@@ -6,6 +6,7 @@ Of a run, a ledger or a name that cannot be read they raise `BadInput`: one line
 
 import re
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from itertools import product
@@ -20,7 +21,7 @@ from cooploc.analysis.claims import multiverse
 from cooploc.analysis.claims.verdicts import judge_at_look, judge_run, lasting, open_cells, verdict_sentence
 from cooploc.analysis.execution import reproduce as again
 from cooploc.analysis.execution.run import Answers, execute, prepare, run_until_decided, trial_seconds
-from cooploc.analysis.execution.run_directory import StoredRun, read_run
+from cooploc.analysis.execution.run_directory import PARTS, StoredRun, read_run
 from cooploc.analysis.metrics import run_tables
 from cooploc.analysis.metrics.compare import compare
 from cooploc.analysis.metrics.errors import errors
@@ -33,6 +34,7 @@ from cooploc.analysis.metrics.sequential import (
     trials_until_decided,
 )
 from cooploc.analysis.metrics.statistics import Interval
+from cooploc.analysis.report import board as boards
 from cooploc.analysis.report import html_page, run_diff
 from cooploc.analysis.report.paper import DEFAULT, EXAMPLE, write
 from cooploc.analysis.tuning.tune import VALUE, Tuned
@@ -423,6 +425,8 @@ def compare_runs(before: AnyRun, after: AnyRun) -> RunChanges:
 def reproduce(page: str | Path, trials: int = 6, data: str | Path | None = None, trust: bool = False) -> Reproduced:
     """Run some trials of a run or a report again, and say which are bit-equal.
 
+    Where all are, a run's directory keeps it in `confirmed.json`, for `board`.
+
     Args:
         page: a run's directory, a report's, or its page.
         trials: how many, of three of every scenario.
@@ -437,7 +441,39 @@ def reproduce(page: str | Path, trials: int = 6, data: str | Path | None = None,
         raise BadInput(f"trials is {trials}; it must be at least 1")
     embedded = again.load(Path(page))
     found = again.rerun(embedded, trials, None if data is None else Path(data), trust)
+    if found["equal"].all() and (Path(page) / PARTS).is_dir():
+        with suppress(PermissionError):  # of somebody else's directory, which is then not confirmed
+            again.confirm(Path(page), found)
     return Reproduced(found, again.differences(embedded))
+
+
+def board(
+    runs: Iterable[AnyRun], out: str | Path = "site", reproduce_first: bool = False, data: str | Path | None = None
+) -> Path:
+    """Write a board of runs, a static site that works from a file; return the path of its first page.
+
+    It has a table for each study, with groups of ties instead of ranks, and a page for each estimator. Runs of one
+    study on the same streams share a table. Nothing that is not built in runs.
+
+    Args:
+        runs: results or run directories, each confirmed by `reproduce` as it is now.
+        out: the directory.
+        reproduce_first: whether to confirm those that are not; one that names a Python file is left to `reproduce`.
+        data: the directory of recordings, for that.
+
+    Raises:
+        BadInput: a row was not confirmed, or trials come out otherwise here.
+
+    """
+    stored = [stored_run(run) for run in runs]
+    for one in stored if reproduce_first else ():
+        if again.confirmations(one.folder):
+            continue
+        if one.manifest["files"]:
+            raise BadInput(f"{one.folder} has estimators that are not built in: cooploc reproduce {one.folder} --trust")
+        if not reproduce(one.folder, one.rows["scenario"].nunique(), data).equal:
+            raise BadInput(f"{one.folder} is not reproduced here: cooploc reproduce {one.folder} says what differs")
+    return boards.write(stored, Path(out))
 
 
 def verdicts(run: AnyRun | pd.DataFrame, ledger: AnyLedger = None) -> pd.DataFrame:

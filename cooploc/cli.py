@@ -302,3 +302,17 @@ def reproduce(
     terminal.tables.show_reproduced(found.table, found.differences)
     if not found.equal:
         raise typer.Exit(1)
+
+
+@app.command()
+def board(
+    runs: Annotated[list[Path], typer.Argument(help="run directories that cooploc reproduce has confirmed")],
+    out: Annotated[Path, typer.Option("-o", "--out", help="directory of the site")] = Path("site"),
+    reproduce_first: Annotated[bool, typer.Option("--reproduce", help="confirm runs that are not, first")] = False,
+    data: Recordings = None,
+) -> None:
+    """Write a site of tables with groups of ties instead of ranks, and a page an estimator.
+
+    Each row needs a run that `cooploc reproduce` has confirmed. No code that is not built in runs.
+    """
+    typer.echo(f"board: {cl.board(runs, out, reproduce_first, data)}")

@@ -7,6 +7,7 @@ imports: loading it again gives the same classes, and an edited file gives new o
 import ast
 import hashlib
 import importlib
+import re
 import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
@@ -223,6 +224,12 @@ def trained_on(files: Iterable[Path], name: str) -> str:
     """Return the training that the class of this name states, `trained_on = "nlos, 100 trials"`; else empty."""
     stated = [text for file in files for cls, text in _literals(file, "trained_on") if cls == name]
     return one_clause(stated[0]) if stated and isinstance(stated[0], str) else ""
+
+
+def licence_of(files: Iterable[Path]) -> str:
+    """Return what a file states after SPDX-License-Identifier, such as MIT; empty where none does."""
+    stated = (re.search(rb"SPDX-License-Identifier:\s*([\w.+-]+)", file.read_bytes()) for file in files)
+    return next((found[1].decode() for found in stated if found), "")
 
 
 def one_clause(text: str) -> str:

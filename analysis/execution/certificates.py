@@ -12,7 +12,7 @@ from typing import Any
 
 import pandas as pd
 
-from cooploc.analysis.execution.provenance import training_of
+from cooploc.analysis.execution.provenance import stated_of
 from cooploc.analysis.metrics.errors import TRAINED
 from cooploc.analysis.metrics.ranking import short_certificate
 from cooploc.estimators import configure
@@ -37,7 +37,7 @@ def check_plugins(
         if check:
             say(f"checking {label}, as it is not built in (--no-check leaves it out)")
         found = certify(label, isolate) if check else _certificate("unchecked", "by request (--no-check)")
-        held[label] = {**found, "source": source, "trained_on": training_of(name)}
+        held[label] = {**found, "source": source, **stated_of(name)}
         write()
         if check:
             say(f"{label}: {short_certificate(_line(held[label]))}")

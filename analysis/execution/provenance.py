@@ -23,6 +23,7 @@ from cooploc.estimators.plugin_files import (
     distributions,
     files_of_module,
     is_file,
+    licence_of,
     neighbours_of,
     trained_on,
     tree,
@@ -95,14 +96,16 @@ def _sources(
     return found
 
 
-def training_of(name: str) -> str:
-    """Return what a plug-in estimator says that it was trained on; empty where it says nothing."""
-    module = estimator_names.module_of(name)
+def stated_of(name: str) -> dict[str, str]:
+    """Return what the source of a plug-in estimator states: `trained_on` and `licence`, empty where it does not."""
     if is_file(name):
         path, _, attribute = name.rpartition(":")
-        return trained_on([Path(path)], attribute)
-    place = estimator_names.REGISTRY.place_of(name) if module else ""
-    return trained_on([path for _, path in files_of_module(module) if path.suffix == ".py"], place.partition(":")[2])
+        sources = [Path(path)]
+    else:
+        module = estimator_names.module_of(name)
+        attribute = (estimator_names.REGISTRY.place_of(name) if module else "").partition(":")[2]
+        sources = [path for _, path in files_of_module(module) if path.suffix == ".py"]
+    return {"trained_on": trained_on(sources, attribute), "licence": licence_of(sources)}
 
 
 def source_hash(root: Path = ROOT) -> str:

@@ -9,8 +9,17 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from cooploc.analysis.execution.provenance import provenance, version_changes
-from cooploc.analysis.execution.run_directory import FORMAT, PARTS, StoredRun, parse_json, read_run
+from cooploc.analysis.execution.provenance import fingerprint, provenance, version_changes
+from cooploc.analysis.execution.run_directory import (
+    FORMAT,
+    MANIFEST,
+    PARTS,
+    RECEIPTS,
+    StoredRun,
+    parse_json,
+    read_run,
+    write_json,
+)
 from cooploc.analysis.execution.workers import Task, measure
 from cooploc.estimators import configure, make
 from cooploc.estimators.errors import BadInput
@@ -84,6 +93,41 @@ def rerun(embedded: dict[str, Any], trials: int, data: Path | None = None, trust
     return pd.DataFrame(out)
 
 
+# ---- confirmations, which lie in a run's directory and hold as long as nothing in it changes
+
+CONFIRMED = "confirmed.json"
+
+
+def confirm(folder: Path, found: pd.DataFrame) -> None:
+    """Record that trials of a run came out bit-equal, once for every machine and choice of trials."""
+    cells = found[["scenario", "estimator", "trial"]].sort_values(["scenario", "estimator", "trial"]).values.tolist()
+    where = {key: value for key, value in provenance().items() if key != "commit"}
+    record = {"cells": cells, **where}
+    records = [one for one in confirmations(folder) if one != record]
+    write_json(folder / CONFIRMED, {"run": _state(folder), "confirmed": [*records, record]})
+
+
+def confirmations(folder: Path) -> list[dict[str, Any]]:
+    """Return what `confirm` recorded of the run as it is now: `cells`, its (scenario, estimator, trial), and where."""
+    file = folder / CONFIRMED
+    content: dict[str, Any] = parse_json(file.read_bytes(), str(file)) if file.is_file() else {}
+    return list(content["confirmed"]) if content.get("run") == _state(folder) else []
+
+
+def _state(folder: Path) -> str:
+    """Return a hash over a run's manifest and its receipts, which have the hashes of its parts."""
+    manifest = hashlib.sha256((folder / MANIFEST).read_bytes()).hexdigest()
+    return hashlib.sha256((manifest + fingerprint(folder / RECEIPTS)).encode()).hexdigest()
+
+
+def digest(rows: pd.DataFrame) -> str:
+    """Return a hash of every number of some rows that a clock did not measure."""
+    rows, bits = rows.sort_values(["trial", "robot"], kind="stable"), hashlib.sha256()
+    for column in VALUES:
+        bits.update(rows[column].to_numpy(float).astype("<f8").tobytes())
+    return bits.hexdigest()
+
+
 def differences(embedded: dict[str, Any]) -> list[str]:
     """Return what differs between this machine and the one where the report was made."""
     then, here = embedded["manifest"], provenance()
@@ -124,15 +168,11 @@ def _compare(one: dict[str, Any], frame: pd.DataFrame) -> dict[str, Any]:
 
 def _fingerprint(rows: pd.DataFrame) -> dict[str, Any]:
     """Return a digest of every number of a trial that a clock did not measure, and its RMSE."""
-    rows = rows.sort_values("robot", kind="stable")
-    bits = hashlib.sha256()
-    for column in VALUES:
-        bits.update(rows[column].to_numpy(float).astype("<f8").tobytes())
     failure, mse, weight = rows["failure"].iloc[0], rows["mse"].to_numpy(float), rows["ticks"].to_numpy(float)
     rmse = float(np.sqrt((mse * weight).sum() / weight.sum())) if weight.sum() > 0 else None
     return {
         "stream": str(rows["stream"].iloc[0]),
-        "digest": bits.hexdigest(),
+        "digest": digest(rows),
         "rmse": rmse if rmse is not None and np.isfinite(rmse) else None,
         "failure": None if failure is None or failure != failure else str(failure),
     }

@@ -72,14 +72,14 @@ def write(kept: StoredRun, ledger: Ledger, out: Path) -> Path:
     return out / PAGE
 
 
-def render(context: dict[str, Any]) -> str:
-    """Return the page; everything that is not marked as safe is escaped."""
+def render(context: dict[str, Any], body: str = "body.html.j2") -> str:
+    """Return the page with the template of its body; everything that is not marked as safe is escaped."""
     templates = environment()
     script, css = (Markup(read_template(name)) for name in ("page.js", "page.css"))  # our own files
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
-    body = Markup(templates.get_template("body.html.j2").render(**context))  # its parts are escaped by their templates
+    filled = Markup(templates.get_template(body).render(**context))  # its parts are escaped by their templates
     page = templates.get_template("page.html.j2")
-    return page.render(**context, style=css, body=body, script=script, script_hash=digest)
+    return page.render(**context, style=css, body=filled, script=script, script_hash=digest)
 
 
 # ------------------------------------------------------------------------------------------------ content

@@ -98,12 +98,17 @@ def rank_scenario(rows: pd.DataFrame, results: TrialTable) -> tuple[dict[str, fl
     One that failed would take its trials from all others, and change their ranks and letters. Offline estimators are
     not ranked with filters.
     """
-    ended = rows["rmse"].notna() & (rows["failed"] == 0) & ~rows["offline"]
-    names = list(rows.loc[ended & ~rows["certificate"].map(is_refused).astype(bool), "estimator"])
+    names = list(rows.loc[may_be_ranked(rows), "estimator"])
     if not names:
         return {}, {}
     mse = results.errors(rows["scenario"].iloc[0], names)
     return rank_groups(mse.dropna() if results.stopping is FIXED else mse, results.stopping)
+
+
+def may_be_ranked(rows: pd.DataFrame) -> "pd.Series[bool]":
+    """Return which rows of `compare` failed nowhere, no check either, and did not see later readings."""
+    ended = rows["rmse"].notna() & (rows["failed"] == 0) & ~rows["offline"]
+    return ended & ~rows["certificate"].map(is_refused).astype(bool)
 
 
 def group_by_sweep(labels: list[str]) -> dict[tuple[str, str], list[str]]:

@@ -323,7 +323,7 @@ def tuned_study(study: Study, tuned: Mapping[str, str], seed: int, both: bool) -
     )
     name = f"{study.name}-{'published-and-tuned' if both else 'tuned'}"
     emptied: dict[str, Any] = dict.fromkeys(("scenarios", "estimators", "only"), ())
-    emptied |= {"baseline": "", "variants": {}, "minutes": None}
+    emptied |= {"baseline": "", "variants": {}, "minutes": None, "streams": {}}
     return study.model_copy(update={**emptied, "name": name, "also": also, "tuned_with": seed})
 
 

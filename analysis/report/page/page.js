@@ -37,8 +37,8 @@ function unfold() {
 addEventListener("hashchange", unfold);
 unfold();
 // The filters: rows and figures of estimators and scenarios that are not chosen are hidden.
-{
-  const form = document.getElementById("filters");
+const form = document.getElementById("filters");
+if (form) {
   const boxes = (what) => [...form.querySelectorAll(`input[name="${what}"]`)];
   const chosen = (what) => new Set(boxes(what).filter((box) => box.checked).map((box) => box.value));
   const apply = () => {

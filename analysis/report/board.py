@@ -1,0 +1,245 @@
+"""A board of runs: a static site with a table for each study, groups of ties instead of ranks, and a page an estimator.
+
+A row is shown only where `cooploc reproduce` has confirmed it on the run as it is now. Nothing that is not built in is
+imported while the board is made; its licence and training are what its certificate says.
+"""
+
+import hashlib
+import itertools
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from importlib.metadata import metadata, version
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+from markupsafe import Markup
+
+from cooploc.analysis.execution.reproduce import PAGE, confirmations, digest
+from cooploc.analysis.execution.run_directory import Cell, StoredRun
+from cooploc.analysis.formats import count, count_of, metres, microseconds, ratio
+from cooploc.analysis.metrics.errors import TRAINED
+from cooploc.analysis.metrics.ranking import FEWEST_SEPARATED, SEPARATED, board_letters
+from cooploc.analysis.report import html_page, page_texts
+from cooploc.analysis.report.result_tables import HASH, remark
+from cooploc.analysis.report.run_numbers import Numbers, may_be_ranked, numbers_of
+from cooploc.analysis.report.tables import Row, Table, TableColumn, interval_column, number_column, text_column
+from cooploc.estimators import configure
+from cooploc.estimators.errors import BadInput
+from cooploc.estimators.registry import shorten_labels
+from cooploc.scenarios.studies.study import Study, stream_sentence
+
+CAPTION = (
+    "Estimators that share a letter of the group are not told apart; they stand in the order of their names, as one by "
+    "error would mean nothing. Two are told apart where Holm's adjusted p over all pairs of this table is below "
+    f"{SEPARATED:g}, over at least {FEWEST_SEPARATED} trials that both have. RMSE with 95 % intervals over trials; "
+    "bytes and µs are per robot and tick. Hash: of the estimator's source. Reproduced: how often trials were run again "
+    "bit for bit, on other machines or choices of trials, or by other runs here."
+)
+
+
+class BoardStudy(NamedTuple):
+    """The runs of one study on the same streams."""
+
+    numbers: Numbers
+    folders: list[Path]
+    rows: list[Row]  # of the board's table
+
+
+def write(runs: Sequence[StoredRun], out: Path) -> Path:
+    """Write the site into a directory; return the path of its first page.
+
+    Raises:
+        BadInput: a row of a run was not confirmed; says the command that does it.
+
+    """
+    studies = [_study(group) for group in _group(runs)]
+    labels = sorted({row["estimator"] for one in studies for row in one.rows})
+    pages, counter = {label: f"estimators/{_file_name(label)}.html" for label in labels}, itertools.count(1)
+    (out / "estimators").mkdir(parents=True, exist_ok=True)
+    shown = [_shown(one, number, counter, pages) for number, one in enumerate(studies, 1)]
+    _write_page(out / PAGE, "Board", {"studies": shown, "wording": BoardWording(pages)}, "board.html.j2")
+    for label, place in pages.items():
+        mine = [_shown_of(one, label, number) for number, one in enumerate(studies, 1)]
+        about = next(_about(one, label) for one, rows in zip(studies, mine, strict=True) if rows["table"].rows)
+        content = {"one": about, "studies": [rows for rows in mine if rows["table"].rows]}
+        title, wording = shorten_labels(label), BoardWording({})
+        _write_page(out / place, title, {**content, "wording": wording}, "board_estimator.html.j2")
+    return out / PAGE
+
+
+def _write_page(path: Path, title: str, content: dict[str, Any], body: str) -> None:
+    context = {"title": title, "manifest": {"versions": {"cooploc": version("cooploc")}}, "embedded": {}, **content}
+    path.write_text(html_page.render(context, body), encoding="utf-8")
+
+
+def _file_name(label: str) -> str:
+    plain = re.sub(r"[^A-Za-z0-9]+", "-", label).strip("-")[:60]
+    return plain if plain == label else f"{plain}-{hashlib.sha256(label.encode()).hexdigest()[:6]}"
+
+
+class BoardWording(NamedTuple):
+    """Cells of a board's tables: an estimator leads to its page."""
+
+    pages: dict[str, str]
+
+    def cell(self, column: TableColumn, row: Row) -> Markup:
+        """Return the text of a cell."""
+        page = self.pages.get(row["estimator"]) if column.keys[0] == "estimator" else None
+        return (
+            Markup('<a href="{}">{}</a>').format(page, column.text(row))
+            if page
+            else Markup("{}").format(column.text(row))
+        )
+
+
+# ------------------------------------------------------------------------------------------------ runs
+
+
+def _group(runs: Sequence[StoredRun]) -> list[list[StoredRun]]:
+    """Return the runs by study; those of one study on the same streams together, one until decided alone."""
+    groups: list[list[StoredRun]] = []
+    for run in runs:
+        for group in groups:
+            if not run.looks and not group[0].looks and _same_streams(group[0].manifest, run.manifest):
+                group.append(run)
+                break
+        else:
+            groups.append([run])
+    return groups
+
+
+def _same_streams(a: dict[str, Any], b: dict[str, Any]) -> bool:
+    pairs = [{(s, *one) for s, trials in m["streams"].items() for one in trials.items()} for m in (a, b)]
+    common = {one[:2] for one in pairs[0]} & {one[:2] for one in pairs[1]}
+    alike = {one[:2] for one in pairs[0] & pairs[1]}
+    return a["study"]["name"] == b["study"]["name"] and bool(common) and common == alike
+
+
+def _study(group: list[StoredRun]) -> BoardStudy:
+    """Return a study with every (scenario, estimator) of its runs once, and who reproduced it."""
+    held: dict[Cell, pd.DataFrame] = {}
+    home, times = dict[Cell, StoredRun](), dict[Cell, list[int]]()  # reproductions; runs with other bits
+    for run in group:
+        confirmed = _confirmed(run)
+        for (scenario, estimator), rows in run.rows.groupby(["scenario", "estimator"], sort=False):
+            cell = str(scenario), str(estimator)
+            if cell not in held:
+                held[cell], home[cell], times[cell] = rows, run, [confirmed[cell], 0]
+            elif digest(rows) == digest(held[cell]):
+                times[cell][0] += 1 + confirmed[cell]
+            else:
+                times[cell][1] += 1
+    first = group[0]
+    cells = {s: cell for run in reversed(group) for s, cell in run.manifest["cells"].items()}
+    merged = first._replace(
+        manifest={**first.manifest, "cells": cells}, rows=pd.concat(list(held.values()), ignore_index=True)
+    )
+    numbers = numbers_of(merged)
+    ranked = numbers.table[may_be_ranked(numbers.table)].groupby("scenario", sort=False)["estimator"]
+    letters = board_letters(
+        {str(s): numbers.results.errors(str(s), list(names)) for s, names in ranked}, numbers.results.stopping
+    )
+    table: list[Row] = []
+    for row in numbers.table.to_dict("records"):
+        cell = row["scenario"], row["estimator"]
+        table.append({**row, **_origin(row, home[cell]), "group": letters.get(cell[0], {}).get(cell[1], "")})
+        table[-1] |= {"reproduced": times[cell][0], "differ": times[cell][1]}
+    place = {str(s): i for i, s in enumerate(numbers.table["scenario"].unique())}
+    table.sort(key=lambda row: (place[row["scenario"]], row["group"] or "~", shorten_labels(row["estimator"])))
+    return BoardStudy(numbers, [run.folder for run in group], table)
+
+
+def _confirmed(run: StoredRun) -> dict[Cell, int]:
+    """Return how often each (scenario, estimator) of a run was confirmed; never 0."""
+    found = dict[Cell, int]()
+    for record in confirmations(run.folder):
+        for cell in {(scenario, estimator) for scenario, estimator, _ in record["cells"]}:
+            found[cell] = found.get(cell, 0) + 1
+    for scenario, estimator in run.rows[["scenario", "estimator"]].drop_duplicates().itertuples(index=False):
+        if (scenario, estimator) not in found:
+            files = " --trust" if run.manifest["files"] else ""
+            again = f"cooploc reproduce {run.folder} --trials {run.rows['scenario'].nunique()}{files}"
+            raise BadInput(f"{run.folder}: nobody has reproduced {estimator} in {scenario} as the run is now; {again}")
+    return found
+
+
+def _origin(row: Row, run: StoredRun) -> dict[str, str]:
+    """Return who made an estimator, and from what, in words; no code that is not built in runs."""
+    label, manifest = row["estimator"], run.manifest
+    asked, tuned_with = configure(label), manifest["study"].get("tuned_with")
+    is_tuned = tuned_with is not None and label != asked.name
+    out = {"tuned": f"on seed {tuned_with}" if is_tuned else "no"}
+    out["trained"] = row["certificate"].partition(TRAINED)[2] or "no"
+    if asked.builtin:
+        return {**out, "licence": str(metadata("cooploc")["License-Expression"]), "hash": manifest["source"][:HASH]}
+    stated = manifest["certificates"].get(label, {}).get("licence", "")
+    files = manifest["files"].get(asked.name.rpartition(":")[0] or asked.name, "")
+    return {**out, "licence": stated or "not stated", "hash": files[:HASH]}
+
+
+# ------------------------------------------------------------------------------------------------ pages
+
+
+def _reproduced(times: int, differ: int) -> str:
+    return f"by {count_of(times, 'run')}" + f", {count_of(differ, 'run')} with other bits" * (differ > 0)
+
+
+COLUMNS = (
+    text_column("estimator"),
+    text_column("scenario"),
+    text_column("group"),
+    interval_column("RMSE [m]", "rmse", metres),
+    text_column("consistency"),
+    text_column(
+        "remark",
+        of=("estimator", "certificate", "none", "centralised", "bound", "offline", "failed", "rmse"),
+        form=remark,
+    ),
+    number_column("ANEES", "anees", form=ratio, collapsed=True),
+    number_column("bytes", form=count),
+    number_column("µs", "seconds", form=microseconds),
+    text_column("tuned"),
+    text_column("trained"),
+    text_column("source", collapsed=True),
+    text_column("licence"),
+    text_column("hash"),
+    text_column("reproduced", of=("reproduced", "differ"), form=_reproduced),
+)
+
+
+def _table(one: BoardStudy, name: str, rows: list[Row], caption: str = "", without: tuple[str, ...] = ()) -> Table:
+    columns = tuple(column for column in COLUMNS if column.head not in without)
+    sources = {row["estimator"]: _about(one, row["estimator"])["source"] for row in rows}
+    return Table(name, caption, columns, [{**row, "none": "", "source": sources[row["estimator"]]} for row in rows])
+
+
+def _heading(one: BoardStudy) -> dict[str, Any]:
+    manifest = one.numbers.kept.manifest
+    study = manifest["study"]
+    seed = "" if study.get("streams") else f", seed {manifest['seed']}"
+    return {
+        "name": f"{study['name']}{seed}",
+        "about": study.get("about", ""),
+        "sentence": stream_sentence(Study(**study), manifest["streams"]),
+    }
+
+
+def _shown(one: BoardStudy, number: int, counter: Any, pages: dict[str, str]) -> dict[str, Any]:
+    """Return a study as the first page shows it."""
+    numbers = one.numbers._replace(table=one.numbers.table.assign(floor=np.nan))
+    table = replace(_table(one, f"study-{number}", one.rows, CAPTION), marks={"data-consistency": "consistency"})
+    return {**_heading(one), "table": table, "figure": html_page.first_figure(numbers, counter)}
+
+
+def _shown_of(one: BoardStudy, label: str, number: int) -> dict[str, Any]:
+    """Return the rows of an estimator in a study, as its page shows them."""
+    rows = [row for row in one.rows if row["estimator"] == label]
+    return {**_heading(one), "table": _table(one, f"study-{number}", rows, without=("estimator", "source"))}
+
+
+def _about(one: BoardStudy, label: str) -> dict[str, Any]:
+    rows = one.numbers.kept.rows
+    return page_texts.introduce_estimators(rows[rows["estimator"] == label])[0]
