@@ -21,7 +21,7 @@ from cooploc.analysis.claims import multiverse
 from cooploc.analysis.claims.verdicts import judge_at_look, judge_run, lasting, open_cells, verdict_sentence
 from cooploc.analysis.execution import reproduce as again
 from cooploc.analysis.execution.run import Answers, execute, prepare, run_until_decided, trial_seconds
-from cooploc.analysis.execution.run_directory import PARTS, StoredRun, read_run
+from cooploc.analysis.execution.run_directory import PARTS, StoredRun, read_run, select
 from cooploc.analysis.metrics import run_tables
 from cooploc.analysis.metrics.compare import compare
 from cooploc.analysis.metrics.errors import errors
@@ -36,7 +36,7 @@ from cooploc.analysis.metrics.sequential import (
 from cooploc.analysis.metrics.statistics import Interval
 from cooploc.analysis.report import board as boards
 from cooploc.analysis.report import html_page, run_diff
-from cooploc.analysis.report.paper import DEFAULT, EXAMPLE, write
+from cooploc.analysis.report.paper import DEFAULT, EXAMPLE, FIGURES, write
 from cooploc.analysis.tuning.tune import VALUE, Tuned
 from cooploc.analysis.tuning.tune import tune as tune_study
 from cooploc.estimators import split_labels
@@ -406,13 +406,34 @@ def show(run: AnyRun) -> None:
     tables.show_run(_folder(run))
 
 
-def report(run: AnyRun, out: str | Path | None = None, ledger: AnyLedger = None) -> Path:
+def report(
+    run: AnyRun,
+    out: str | Path | None = None,
+    ledger: AnyLedger = None,
+    *,
+    estimators: str | Iterable[str] = (),
+    scenarios: str | Iterable[str] = (),
+    baseline: str = "",
+) -> Path:
     """Write a run's report, a page for the browser and its tables for LaTeX, Markdown and CSV; return the page's path.
 
-    It is in `out`, or in `report` in the run directory.
+    Args:
+        out: the directory; `report` in the run directory where not given.
+        ledger: the claims that are judged.
+        estimators, scenarios: show these alone, as lists or separated by commas; all where not given.
+        baseline: the estimator that all others are compared with; that of the run's first study where not given.
+
+    Raises:
+        BadInput: the run lacks one of these.
+
     """
     stored = stored_run(run)
-    return html_page.write(stored, _ledger_of(ledger), stored.folder / "report" if out is None else Path(out))
+    folder = stored.folder / "report" if out is None else Path(out)
+    return html_page.write(stored, _ledger_of(ledger), folder, _labels(estimators), _labels(scenarios), baseline)
+
+
+def _labels(given: str | Iterable[str]) -> list[str]:
+    return split_labels(given) if isinstance(given, str) else list(given)
 
 
 def compare_runs(before: AnyRun, after: AnyRun) -> RunChanges:
@@ -532,25 +553,33 @@ def paper(
     out: str | Path | None = None,
     columns: str | Iterable[str] = DEFAULT,
     scenarios: str | Iterable[str] = (),
+    *,
+    estimators: str | Iterable[str] = (),
+    baseline: str = "",
+    figures: str | Iterable[str] = FIGURES,
+    everything: bool = False,
 ) -> Path:
     """Write a run's figures, tables and references for a two-column paper; return the path of an example document.
 
-    `figures/` has every figure as PDF and SVG, one column wide (3.5 in) and two (7.16 in), with text of 8 pt and
-    embedded fonts; `tables/` LaTeX tables that fit, with caption, label and notes; `estimators.bib` the sources of what
-    was run; `example.tex` includes them all. Every sweep is drawn; of scenarios that sweep nothing, the first, the
-    middle and the last of each experiment.
+    `figures/` has, as PDF and SVG in the width of one column (3.5 in) or two (7.16 in), with text of 8 pt and embedded
+    fonts, what one would print of the run's first experiment: its errors, and these against consistency and cost.
+    `tables/` has one LaTeX table that fits and cites; captions stand alone. `estimators.bib` has the sources of what
+    was run; `example.tex` includes it all.
 
     Args:
         out: the directory; `paper` in the run directory where not given.
         columns: of the tables, by the names that the report's CSV tables have, as a list or separated by commas; one
             with an interval brings it along.
-        scenarios: write figures and tables of these alone, and draw each.
+        scenarios: draw and list these alone; where not given the first, the middle and the last of what sweeps nothing.
+        estimators, baseline: as of `report`.
+        figures: of "rmse", "anees", "bytes", "seconds", in the order of the paper.
+        everything: True writes every figure of every experiment in both widths, and tables of all scenarios.
 
     """
     stored = stored_run(run)
     folder = stored.folder / "paper" if out is None else Path(out)
-    names = [split_labels(given) if isinstance(given, str) else list(given) for given in (columns, scenarios)]
-    write(stored, folder, *names)
+    chosen = select(stored, _labels(estimators), _labels(scenarios), baseline)
+    write(chosen, folder, _labels(columns), _labels(figures), bool(scenarios), everything)
     return folder / EXAMPLE
 
 

@@ -234,22 +234,26 @@ def report(
     folder: RunDirectory,
     out: Annotated[Path | None, typer.Option("-o", "--out", help="directory [default: in the run directory]")] = None,
     ledger: Claims = None,
+    only: Annotated[str, typer.Option("--only", "--estimators", help="show these estimators alone")] = "",
+    scenarios: Annotated[str, typer.Option(help="show these scenarios alone")] = "",
+    baseline: Annotated[str, typer.Option(help="what all others are compared with [default: that of the run]")] = "",
     paper: Annotated[bool, typer.Option("--paper", help="figures, LaTeX tables and .bib, instead of the page")] = False,
-    columns: Annotated[str | None, typer.Option(help="of the paper's tables, such as rmse,change,anees,bytes")] = None,
-    scenarios: Annotated[str | None, typer.Option(help="comma-separated: the paper has these alone")] = None,
+    figures: Annotated[str, typer.Option(help="of the paper: rmse, anees, bytes, seconds")] = "",
+    columns: Annotated[str, typer.Option(help="of the paper's tables, such as rmse,change,anees,bytes")] = "",
+    everything: Annotated[bool, typer.Option("--all", help="every figure and table of the paper")] = False,
 ) -> None:
     """Write a run's report for the browser, or for a paper.
 
-    An HTML page that needs no network, and its tables as LaTeX, Markdown and CSV; with --paper, figures and tables that
-    fit its columns.
+    An HTML page that needs no network, and its tables as LaTeX, Markdown and CSV; with --paper, three figures and a
+    table that fit its columns. Lists are separated by commas.
     """
-    if not (paper or columns or scenarios):
-        terminal.tables.show_report(cl.report(folder, out, ledger))
+    chosen = {"estimators": only, "scenarios": scenarios, "baseline": baseline}
+    if not (paper or figures or columns or everything):
+        terminal.tables.show_report(cl.report(folder, out, ledger, **chosen))
         return
-    given = {"columns": columns, "scenarios": scenarios}
-    terminal.tables.show_paper(
-        cl.paper(folder, out, **{name: value for name, value in given.items() if value is not None})
-    )
+    given = {"figures": figures, "columns": columns}
+    how: Any = {**chosen, **{name: value for name, value in given.items() if value}}
+    terminal.tables.show_paper(cl.paper(folder, out, everything=everything, **how))
 
 
 @app.command()

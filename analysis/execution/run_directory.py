@@ -10,7 +10,7 @@ import json
 import math
 import os
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 from itertools import islice
@@ -27,7 +27,8 @@ from pydantic import ValidationError
 from cooploc.analysis.execution.certificates import add_certificates
 from cooploc.analysis.metrics.errors import NOTE
 from cooploc.analysis.metrics.sequential import Decision, looks
-from cooploc.estimators.errors import BadInput
+from cooploc.estimators.errors import BadInput, nearest
+from cooploc.estimators.registry import shorten_labels
 from cooploc.scenarios.studies.study import Study
 
 FORMAT = 3  # of the JSON files
@@ -286,7 +287,10 @@ def _continue_manifest(folder: Path, found: dict[str, Any], asked: dict[str, Any
     for scenario, cell in asked["cells"].items():
         before = cells.get(scenario, {}).get("estimators", {})
         trials = {name: max(count, before.get(name, 0)) for name, count in cell["estimators"].items()}
-        cells[scenario] = {**cell, "estimators": {**before, **trials}}
+        kept = (
+            {"baseline": cells[scenario]["baseline"]} if scenario in cells else {}
+        )  # pages keep what they compare with
+        cells[scenario] = {**cell, **kept, "estimators": {**before, **trials}}
     return {
         **asked,
         **{key: {**found[key], **asked[key]} for key in MUST_AGREE},
@@ -367,6 +371,46 @@ def read_run(folder: Path, empty: bool = False) -> StoredRun:
         rows = add_certificates(directory.read_rows(wanted, intact), manifest["certificates"])
     gaps = {cell: missing for cell, missing in gaps.items() if missing}
     return StoredRun(folder, manifest, rows, gaps, read_decisions(folder), tuple(damaged))
+
+
+def select(
+    run: StoredRun, estimators: Sequence[str] = (), scenarios: Sequence[str] = (), baseline: str = ""
+) -> StoredRun:
+    """Return the part of a run with these estimators and scenarios alone, compared with `baseline`; all where empty.
+
+    A scenario whose baseline is not among its estimators has the first of them as its baseline.
+
+    Raises:
+        BadInput: the run has no estimator or scenario of a name, or was decided against another baseline.
+
+    """
+    cells = run.manifest["cells"]
+    there = list(dict.fromkeys(name for cell in cells.values() for name in cell["estimators"]))
+    names = {shown: name for name in there for shown in (name, shorten_labels(name))}
+    asked = [*estimators, *([baseline] if baseline else [])]
+    for what, unknown, known in (
+        ("estimator", [one for one in asked if one not in names], list(dict.fromkeys(map(shorten_labels, there)))),
+        ("scenario", [one for one in scenarios if one not in cells], list(cells)),
+    ):
+        for one in unknown:
+            raise BadInput(f"this run has no {what} {one!r}; {nearest(one, known)}")
+    only = {names[one] for one in asked} if estimators else set(there)
+    chosen = {}
+    for scenario, cell in cells.items():
+        mine = {name: count for name, count in cell["estimators"].items() if name in only}
+        first = next((one for one in (names.get(baseline), cell["baseline"], *mine) if one in mine), "")
+        if mine and (not scenarios or scenario in scenarios):
+            chosen[scenario] = {**cell, "baseline": first, "estimators": mine}
+    moved = any(cell["baseline"] != cells[scenario]["baseline"] for scenario, cell in chosen.items())
+    if moved and run.decisions is not None:
+        raise BadInput("this run was decided against its own baseline: keep that, or run it without --until-decided")
+
+    def holds(scenario: str, estimator: str) -> bool:
+        return estimator in chosen.get(scenario, {"estimators": ()})["estimators"]
+
+    rows = run.rows[[holds(*cell) for cell in zip(run.rows["scenario"], run.rows["estimator"], strict=True)]]
+    gaps = {cell: missing for cell, missing in run.gaps.items() if holds(*cell)}
+    return run._replace(manifest={**run.manifest, "cells": chosen}, rows=rows, gaps=gaps)
 
 
 def read_decisions(folder: Path) -> dict[str, Any] | None:

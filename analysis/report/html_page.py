@@ -6,7 +6,7 @@ import io
 import itertools
 import re
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from importlib.resources import files
@@ -23,8 +23,8 @@ from matplotlib.figure import Figure
 from cooploc.analysis.claims.ledger import Ledger
 from cooploc.analysis.claims.trial_table import TrialTable
 from cooploc.analysis.execution.reproduce import PAGE, embed
-from cooploc.analysis.execution.run_directory import StoredRun
-from cooploc.analysis.formats import count_of
+from cooploc.analysis.execution.run_directory import StoredRun, select
+from cooploc.analysis.formats import count_of, join_words
 from cooploc.analysis.metrics import ranking
 from cooploc.analysis.metrics.compare import outlier_warnings
 from cooploc.analysis.metrics.crlb import floors
@@ -54,13 +54,21 @@ FORMS = {"tex": "latex", "md": "markdown", "csv": "csv"}  # ending of a file -> 
 FLOOR_PATHS, FLOOR_TRIALS = 16, 8  # over which a floor is taken, in a fifth of the time that one to 0.2 % takes
 
 
-def write(kept: StoredRun, ledger: Ledger, out: Path) -> Path:
-    """Write the page and its tables into a directory; return the page's path."""
+def write(
+    run: StoredRun,
+    ledger: Ledger,
+    out: Path,
+    estimators: Sequence[str] = (),
+    scenarios: Sequence[str] = (),
+    baseline: str = "",
+) -> Path:
+    """Write the page and its tables, of these estimators and scenarios alone, into a directory; return its path."""
+    kept = select(run, estimators, scenarios, baseline)
     numbers = numbers_of(kept)
     table = numbers.table
     lowest = floors(table["scenario"], kept.manifest["seed"], FLOORED, FLOOR_PATHS, FLOOR_TRIALS)
     numbers = numbers._replace(table=table.assign(floor=table["scenario"].map(lowest)))
-    context = content(numbers, ledger)
+    context = content(numbers, ledger) | {"holds": holds(run, numbers)}
     texts: dict[str, str] = {}
     for one in context["tables"]:
         texts |= {f"tables/{one.name}.{ending}": getattr(one, form)() for ending, form in FORMS.items()}
@@ -110,7 +118,7 @@ def content(numbers: Numbers, ledger: Ledger) -> dict[str, Any]:
         "study": study["name"] * bool(study.get("title")),
         "about": study.get("about", ""),
         "manifest": manifest,
-        "lowest": shorten_labels(sentences.lowest_errors(found, table)),
+        "lowest": shorten_labels(sentences.best_honest(found, table)),
         "over_confident": shorten_labels(sentences.over_confident_estimators(table)),
         "first": first,
         "consistency": replace(consistency, columns=tuple(filter(some, consistency.columns))),
@@ -132,6 +140,18 @@ def content(numbers: Numbers, ledger: Ledger) -> dict[str, Any]:
         "labels": {what: list(dict.fromkeys(table[what])) for what in ("estimator", "scenario")},
         "tables": [*tables, *scenarios, *[events] * bool(events.rows), versions],
     }
+
+
+def holds(run: StoredRun, numbers: Numbers) -> str:
+    """Return in a sentence what a page shows of a run, and what it compares with."""
+
+    def sizes(one: StoredRun) -> str:
+        return " in ".join(count_of(one.rows[name].nunique(), name) for name in ("estimator", "scenario"))
+
+    every, shown = sizes(run), sizes(numbers.kept)
+    some = f"Of the run's {every} this page shows {shown}" if shown != every else f"This run holds {every}"
+    baselines = join_words(map(numbers.names.of, dict.fromkeys(numbers.table["baseline"])))
+    return f"{some}, {trial_counts(numbers.table)}; changes are against {baselines}."
 
 
 def _versions(manifest: dict[str, Any]) -> Table:
@@ -156,7 +176,7 @@ def experiment(name: str, plan: dict[str, list[str]], numbers: Numbers, counter:
     plain = re.sub(r"[^A-Za-z0-9]+", "-", name).strip("-")[:60]
     anchor = "experiment-" + (plain if plain == name else f"{plain}-{hashlib.sha256(name.encode()).hexdigest()[:6]}")
     only = len(part) == len(table)
-    texts = [] if only else [sentences.lowest_errors(found, part), sentences.over_confident_estimators(part)]
+    texts = [] if only else [sentences.best_honest(found, part), sentences.over_confident_estimators(part)]
     changed: list[Table] = []
     for (_, parameter), group in group_by_sweep(list(plan)).items():
         if parameter:

@@ -2,22 +2,25 @@
 
 import re
 import tomllib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import cache
 from importlib.metadata import version
 from importlib.resources import files
+from itertools import islice
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import pandas as pd
+from matplotlib.figure import Figure
 
 from cooploc.analysis.execution.run_directory import StoredRun
+from cooploc.analysis.formats import count_of
 from cooploc.analysis.metrics.consistency import OVER_CONFIDENT
 from cooploc.analysis.metrics.crlb import floors
 from cooploc.analysis.metrics.curves import sweep
 from cooploc.analysis.plot import style
 from cooploc.analysis.report import result_tables, sentences
-from cooploc.analysis.report.run_figures import draw_experiment
+from cooploc.analysis.report.run_figures import OTHERS, draw_experiment
 from cooploc.analysis.report.run_numbers import (
     FLOORED,
     Labels,
@@ -35,6 +38,8 @@ from cooploc.estimators.errors import BadInput, nearest
 
 EXAMPLE = "example.tex"
 DEFAULT = ("rmse", "change", "anees", "bytes")  # columns of the tables
+FIGURES = ("rmse", "anees", "bytes")
+KINDS = ("rmse", *OTHERS)  # of figures
 
 
 class PaperPart(NamedTuple):
@@ -46,34 +51,41 @@ class PaperPart(NamedTuple):
     drawn: list[str]  # scenarios that sweep nothing and are drawn
 
 
-def write(kept: StoredRun, out: Path, columns: Sequence[str] = DEFAULT, scenarios: Sequence[str] = ()) -> list[Path]:
+def write(
+    kept: StoredRun,
+    out: Path,
+    columns: Sequence[str] = DEFAULT,
+    figures: Sequence[str] = FIGURES,
+    every_scenario: bool = False,
+    everything: bool = False,
+) -> list[Path]:
     """Write figures/, tables/, estimators.bib and a document that includes them all; return the files.
 
-    Every sweep is drawn. Of scenarios that sweep nothing, `scenarios` are, or else the first, the middle and the last
-    of each experiment; the tables have all of them, or those of `scenarios`.
+    They are those `figures` of the first experiment, and its table, or `everything`: all figures in both widths. Of
+    scenarios that sweep nothing, `every_scenario` is drawn, or else the first, the middle and the last of each
+    experiment.
 
     Raises:
-        BadInput: a scenario or a column is unknown.
+        BadInput: a column or a figure is unknown.
 
     """
+    for name in figures:
+        if name not in KINDS:
+            raise BadInput(f"a paper has no figure {name!r}; {nearest(name, list(KINDS))}")
     numbers = numbers_of(kept)
-    parts = _parts(numbers, scenarios)
+    parts = _parts(numbers, every_scenario, everything)
     tables = {name: latex for part in parts for name, latex in _tables(part, numbers, columns).items()}
     for folder in ("figures", "tables"):
         (out / folder).mkdir(parents=True, exist_ok=True)
-    included: list[str] = []
-    drawn: list[Path] = []
-    for part in parts:
-        looks = style.looks(part.rows["estimator"].unique())
-        for width, look in style.PAPER.items():
-            for figure, words, caption, rows in draw_experiment(part.rows, part.drawn, numbers.names, looks, look):
-                name = f"{file_name(part.name, *words)}-{width}col"
-                legend = [f"{line}." for line in numbers.names.legend(dict.fromkeys(rows["estimator"]))]
-                paths = [out / "figures" / f"{name}.{ending}" for ending in ("pdf", "svg")]
-                style.save(figure, *paths, rc=style.PAPER[1].rc)
-                drawn += paths
-                body = rf"\includegraphics{{{name}}}"
-                included.append(_float("figure", width, f"fig:{name}", " ".join([caption, *legend]), body, ""))
+    drawn = [one for part in parts for one in (_every_figure if everything else _print_figures)(part, numbers, figures)]
+    included, paths = [], []
+    for name, width, figure, caption, rows in drawn:
+        legend = [f"{line}." for line in numbers.names.legend(dict.fromkeys(rows["estimator"]))]
+        files = [out / "figures" / f"{name}.{ending}" for ending in ("pdf", "svg")]
+        style.save(figure, *files, rc=style.PAPER[1].rc)
+        paths += files
+        words = " ".join([_in_sentence(caption, rows, numbers), *legend])
+        included.append(_float("figure", width, f"fig:{name}", words, rf"\includegraphics{{{name}}}", ""))
     used = pd.concat([part.rows for part in parts])
     included += [rf"\input{{tables/{name}}}" for name in tables]
     texts = {f"tables/{name}.tex": latex for name, latex in tables.items()}
@@ -81,25 +93,52 @@ def write(kept: StoredRun, out: Path, columns: Sequence[str] = DEFAULT, scenario
     texts[EXAMPLE] = document(f"cooploc: {kept.manifest['study']['name']}", included)
     for name, text in texts.items():
         (out / name).write_text(text, encoding="utf-8")
-    return [*drawn, *(out / name for name in texts)]
+    return [*paths, *(out / name for name in texts)]
 
 
-def _parts(numbers: Numbers, scenarios: Sequence[str]) -> list[PaperPart]:
-    """Return the experiments with what is asked of them."""
-    kept, there = numbers.kept, list(numbers.table["scenario"].unique())
-    for name in scenarios:
-        if name not in there:
-            raise BadInput(f"this run has no scenario {name!r}; {nearest(name, there)}")
-    parts = []
-    for name, plan in kept.experiments.items():
-        asked = [label for label in plan if not scenarios or label in scenarios]
-        single = group_by_sweep(asked).get(("", ""), [])
-        rows = rows_of_experiment(numbers.table, {label: plan[label] for label in asked})
-        if asked:
-            parts.append(PaperPart(name, rows, asked, single if scenarios else first_middle_last(single)))
+def _parts(numbers: Numbers, every_scenario: bool, everything: bool) -> list[PaperPart]:
+    """Return the experiments, or the first, with the scenarios that are drawn."""
+    kept, parts = numbers.kept, []
+    for name, plan in list(kept.experiments.items())[: None if everything else 1]:
+        single = group_by_sweep(list(plan)).get(("", ""), [])
+        drawn = single if every_scenario else first_middle_last(single)
+        shown = [label for label in plan if everything or label in drawn or label not in single]
+        rows = rows_of_experiment(numbers.table, {label: plan[label] for label in shown})
+        parts.append(PaperPart(name, rows, shown, drawn))
     every = [label for part in parts for label in (*part.drawn, *(s for s in part.scenarios if sweep(s)[1]))]
     floor = floors(every, kept.manifest["seed"], FLOORED)
     return [part._replace(rows=part.rows.assign(floor=part.rows["scenario"].map(floor))) for part in parts]
+
+
+PaperFigure = tuple[str, int, Figure, str, pd.DataFrame]  # name, columns of the paper, figure, caption, its rows
+
+
+def _every_figure(part: PaperPart, numbers: Numbers, _: Sequence[str]) -> Iterator[PaperFigure]:
+    """Draw everything of an experiment, each in the width of one column and of two."""
+    looks = style.looks(part.rows["estimator"].unique())
+    for width, look in style.PAPER.items():
+        for figure, words, caption, rows in draw_experiment(part.rows, part.drawn, numbers.names, looks, look):
+            yield f"{file_name(part.name, *words)}-{width}col", width, figure, caption, rows
+
+
+def _print_figures(part: PaperPart, numbers: Numbers, kinds: Sequence[str]) -> Iterator[PaperFigure]:
+    """Draw errors in all scenarios or over a sweep, and in the last scenario errors against each cost, once each."""
+    looks, ended = style.looks(part.rows["estimator"].unique()), part.rows[part.rows["rmse"].notna()]
+    for kind in kinds if len(ended) else ():
+        last = ended[ended["scenario"] == ended["scenario"].iloc[-1]]
+        rows = ended if kind == "rmse" else last
+        several = kind == "rmse" and (rows["scenario"].nunique() > 1)
+        look = style.PAPER[1 + several]
+        chosen = draw_experiment(rows, part.drawn, numbers.names, looks, look, kind)
+        for figure, _, caption, shown in islice(chosen, 1):
+            yield kind, 1 + several, figure, caption, shown
+
+
+def _in_sentence(caption: str, rows: pd.DataFrame, numbers: Numbers) -> str:
+    """Return a caption that stands alone: what is drawn, in what experiment, of how many trials."""
+    study = numbers.kept.manifest["study"]
+    about = str(study.get("about") or study["name"]).rstrip(".")
+    return f"{caption} {about}; {trial_counts(rows)}, paired, seed {numbers.kept.manifest['seed']}."
 
 
 # ------------------------------------------------------------------------------------------------ tables
@@ -137,16 +176,17 @@ def _tables(part: PaperPart, numbers: Numbers, columns: Sequence[str]) -> dict[s
         for row, texts in zip(table.rows, cells, strict=True):
             if (row["scenario"], row["estimator"]) in best:
                 texts[at] = rf"\textbf{{{texts[at]}}}"
-    about = f"{trial_counts(part.rows)}, seed {numbers.kept.manifest['seed']}"
     pages = pages_of([row["scenario"] for row in table.rows])
     out = {}
     for number, page in enumerate(pages, 1):
         rows = [table.rows[i] for i in page]
         name = table.name if len(pages) == 1 else f"{table.name}-{number}"
         body = _tabular(rows, [cells[i] for i in page], heads, numbers.names, len(by_scenario) > 1)
-        caption = f"{table.caption}: {', '.join(head.partition(' [')[0] for head in heads)}"
+        count = len(dict.fromkeys(row["estimator"] for row in rows))
+        heading = f"{', '.join(head.partition(' [')[0] for head in heads)} of {count_of(count, 'estimator')}."
+        caption = _in_sentence(heading[:1].upper() + heading[1:], part.rows, numbers)
         width = 1 if len(heads) <= ONE_COLUMN else 2
-        out[name] = _float("table", width, f"tab:{name}", caption, body, _notes(rows, columns, numbers.names, about))
+        out[name] = _float("table", width, f"tab:{name}", caption, body, _notes(rows, columns, numbers.names))
     return out
 
 
@@ -176,12 +216,15 @@ def _tabular(rows: list[Row], cells: list[list[str]], heads: list[str], names: L
     """Return the tabular, made smaller where it is wider than the column; scenarios head their rows."""
     lines = [rf"\begin{{tabular}}{{@{{}}l{'r' * len(heads)}@{{}}}}", r"\toprule"]
     lines += [" & ".join(map(tex, ["estimator", *heads])) + r" \\", r"\midrule"]
-    before = None
+    before, cited = None, set[str]()
     for row, texts in zip(rows, cells, strict=True):
         if several and row["scenario"] != before:
             lines.append(rf"\multicolumn{{{len(heads) + 1}}}{{@{{}}l@{{}}}}{{\itshape {tex(row['scenario'])}}} \\*")
         before, marks = row["scenario"], _marks(row)
         first = tex(names.of(row["estimator"])) + (rf"\textsuperscript{{{','.join(marks)}}}" if marks else "")
+        keys = source_keys(row["estimator"])[:1]
+        first += rf"~\cite{{{keys[0]}}}" if keys and row["estimator"] not in cited else ""
+        cited.add(row["estimator"])
         lines.append(" & ".join([first, *texts]) + r" \\")
     return "\n".join([FITTED, *lines, r"\bottomrule", r"\end{tabular}}"])
 
@@ -199,12 +242,12 @@ def pages_of(scenarios: list[str]) -> list[list[int]]:
     return [list(range(i, min(i + rows, len(scenarios)))) for i in range(0, len(scenarios), rows)]
 
 
-def _notes(rows: list[Row], chosen: Sequence[str], names: Labels, about: str) -> str:
+def _notes(rows: list[Row], chosen: Sequence[str], names: Labels) -> str:
     """Return what a reader needs to understand a table, in small print."""
     baselines = dict.fromkeys(row["baseline"] for row in rows)
     marks = {mark for row in rows for mark in _marks(row)}
     known = {name: note.format(baseline=" or ".join(map(names.of, baselines))) for name, note in NOTES.items()}
-    texts = [about, *(known[name] for name in chosen if name in known), "In brackets: 95 % intervals over trials"]
+    texts = [*(known[name] for name in chosen if name in known), "In brackets: 95 % intervals over trials"]
     texts += ["Bold: lowest RMSE of those that may be called best, and what ties with it"] * ("rmse" in chosen)
     texts += names.legend(dict.fromkeys([*(row["estimator"] for row in rows), *baselines]))
     explained = [rf"\textsuperscript{{{mark}}}{breakable(text)}." for mark, text in MARKS.items() if mark in marks]

@@ -137,6 +137,14 @@ def _lead(one: Standing) -> str:
     return f"{percent(-one.lead.value)} ({interval(percent)(-one.lead.high, -one.lead.low)})"
 
 
+WORDS = ["no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve"]
+
+
+def in_words(number: int) -> str:
+    """Return a whole number up to twelve as a word, a larger one in digits."""
+    return WORDS[number] if number < len(WORDS) else str(number)
+
+
 def capped_list(names: Iterable[str]) -> str:
     """Return names in a sentence; of many the first ones, and how many others there are."""
     names = list(names)
@@ -145,39 +153,46 @@ def capped_list(names: Iterable[str]) -> str:
     return join_words(names) if names else ""
 
 
-def _capped_counts(names: Iterable[str]) -> str:
-    return capped_list(f"{name} in {n}" for name, n in Counter(names).most_common())
-
-
 # ------------------------------------------------------------------------------------------------ a report's answer
 
 
-def lowest_errors(found: list[Standing], table: pd.DataFrame) -> str:
-    """Return which estimator has the lowest error in which scenarios, by how much, and what ties with it."""
+def best_honest(found: list[Standing], table: pd.DataFrame) -> str:
+    """Return which estimator is best in how many scenarios, its error and its lead, and with what it ties elsewhere."""
     if all(one.trials < LEAST_TRIALS for one in found):
         trials = count_of(int(table["trials"].max()), "trial")
         return f"Nothing is separable with {trials}, it takes {LEAST_TRIALS}."
     if len(found) == 1:
         return summary_sentence(found[0])
-    decided = [one for one in found if one.is_alone and one.able > 1]
-    lead = ""
-    if decided:
-        least = max(decided, key=lambda one: one.lead.value)
-        bound = "at least " * (len(decided) > 1)
-        lead = f", {bound}{_lead(least)} below that of the next ({least.next}, {least.scenario})"
-    if len({one.best for one in decided}) == 1 and len(decided) == len(found):
-        return f"{decided[0].best} has the lowest RMSE of those that qualify in all {len(found)} scenarios{lead}."
+    wins: dict[str, list[Standing]] = {}
+    for one in found:
+        if one.is_alone and one.able > 1:
+            wins.setdefault(one.best, []).append(one)
+    first, *others = sorted(wins, key=lambda name: -len(wins[name]))[: 1 + NAMED] or [""]
     ties = [one for one in found if one.best and not one.is_alone]
-    tied = _capped_counts(name for one in ties for name in (one.best, *one.equal, *one.tied))
+    mine = [one for one in ties if first in (one.best, *one.equal, *one.tied)]
+    parts = [f"none alone in {in_words(len(found))} scenarios"]
+    if first:
+        parts = [f"{first}, in {_of(len(wins[first]), len(found))} scenarios ({_size_and_lead(wins[first])})"]
+    parts += [f"{name} in {in_words(len(wins[name]))} ({_size_and_lead(wins[name])})" for name in others]
+    for some, words in ((mine, "it ties with {}"), ([one for one in ties if one not in mine], "{} tie")):
+        names = [name for one in some for name in (one.best, *one.equal, *one.tied) if name != first]
+        known = capped_list(dict.fromkeys(names)) if some else ""
+        parts += [f"in {in_words(len(some))} {words.format(known)}"] * bool(some)
     single, none = sum(one.is_alone and one.able == 1 for one in found), sum(not one.best for one in found)
-    names = _capped_counts(one.best for one in decided)
-    parts = {
-        f"the lowest RMSE of those that qualify is that of {names}{lead}": len(decided),
-        f"in {len(ties)} the lowest are not separable ({tied})": len(ties),
-        f"in {single} only one qualifies": single,
-        f"in {none} none qualifies": none,
-    }
-    return f"Of {count_of(len(found), 'scenario')}, {'; '.join(text for text, n in parts.items() if n)}."
+    parts += [f"in {in_words(single)} only one is honest"] * bool(single)
+    parts += [f"in {in_words(none)} none is"] * bool(none)
+    return f"Best honest estimator: {'; '.join(parts)}."
+
+
+def _size_and_lead(wins: list[Standing]) -> str:
+    """Return the error of the best in some scenarios, and by how much at least it is below that of the next."""
+    errors, least = sorted(one.rmse.value for one in wins), max(wins, key=lambda one: one.lead.value)
+    size = f"{metres(errors[0])} m" if len(wins) == 1 else f"{interval(metres)(errors[0], errors[-1])} m"
+    return f"{size}, {'at least ' * (len(wins) > 1)}{_lead(least)} below {least.next}"
+
+
+def _of(number: int, every: int) -> str:
+    return f"all {in_words(every)}" if number == every else f"{in_words(number)} of {in_words(every)}"
 
 
 def over_confident_estimators(table: pd.DataFrame) -> str:
@@ -191,13 +206,13 @@ def over_confident_estimators(table: pd.DataFrame) -> str:
     left = f"; consistency is not shown for {capped_list(open_)}" if open_ else ""
     if over.empty:
         return f"No estimator was found over-confident{left}."
-    runs = Counter(assessed["estimator"])
-    counts = [f"{name} in {n} of {count_of(runs[name], 'scenario')}" for name, n in Counter(over["estimator"]).items()]
+    counts = Counter(over["estimator"])
+    names = capped_list(f"{name} in {count_of(n, 'scenario')}" for name, n in counts.items())
+    if len(set(counts.values())) == 1 and len(counts) > 1:  # said once
+        names = f"{capped_list(counts)}, each in {count_of(next(iter(counts.values())), 'scenario')}"
     one = over.sort_values("anees_median", na_position="first").iloc[-1]
-    most = (
-        f"the largest ANEES of a median trial is {ratio(one['anees_median'])} ({one['estimator']}, {one['scenario']})"
-    )
-    return f"Over-confident: {capped_list(counts)}; {most}, 1 is consistent{left}."
+    most = f"the squared errors of {one['estimator']} are {ratio(one['anees_median'])} times as large as it states"
+    return f"Over-confident: {names}; {most} (median trial of {one['scenario']}){left}."
 
 
 # ------------------------------------------------------------------------------------------------ a sweep

@@ -297,15 +297,14 @@ def show_report(page: Path) -> None:
 
 def show_paper(example: Path) -> None:
     """Say where a paper's figures and tables are, and how to look at them."""
-    folder = example.parent
-    figures, tables = (
-        count_of(len(list((folder / name).glob(f"*.{ending}"))), name.removesuffix("s"))
-        for name, ending in (("figures", "pdf"), ("tables", "tex"))
-    )
+    folder, latex = example.parent, example.read_text("utf-8")
+    counts = {"figure": latex.count(r"\includegraphics"), "table": latex.count(r"\input{tables/")}
+    figures, tables = (count_of(number, noun) for noun, number in counts.items())
     console = wide()
     console.print(f"paper: {folder}\nin it: {figures}, {tables}, estimators.bib")
-    latex = f"pdflatex {example.stem}"
-    console.print(f"to see them all: cd {folder} && {latex} && bibtex {example.stem} && {latex} && {latex}")
+    make = f"pdflatex {example.stem}"
+    console.print(f"to see them all: cd {folder} && {make} && bibtex {example.stem} && {make} && {make}")
+    say_next("copy figures/ and tables/ beside your paper; --figures, --only and --scenarios choose, --all writes all")
 
 
 def show_changes(title: str, settings: list[str], found: pd.DataFrame, said: list[str], everything: bool) -> None:

@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 from made_runs import EVIL, kept_from, rows_of
 
+from cooploc.analysis.execution.run_directory import select
 from cooploc.analysis.report import paper
 from cooploc.analysis.report.run_numbers import LONGEST, numbers_of, short_labels
 from cooploc.estimators import BUILTIN, make
@@ -31,20 +32,20 @@ def kept(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def written(kept):
-    paper.write(kept, kept.folder / "paper", COLUMNS)
+    paper.write(kept, kept.folder / "paper", COLUMNS, everything=True)
     return kept.folder / "paper"
 
 
 @pytest.mark.slow
 @pytest.mark.skipif(shutil.which("pdflatex") is None, reason="no LaTeX is installed")
 def test_every_figure_and_table_fits_a_two_column_paper(written, kept):
-    more = paper.write(kept, kept.folder / "wide", WIDE, ["nlos[ticks=8]"])
+    more = paper.write(select(kept, scenarios=["nlos[ticks=8]"]), kept.folder / "wide", WIDE)
     assert any(r"\begin{table*}" in file.read_text() for file in more if file.parent.name == "tables")
     for folder in (written, kept.folder / "wide"):
         command = ["pdflatex", "-interaction=nonstopmode", "-halt-on-error", paper.EXAMPLE]
         done = subprocess.run(command, cwd=folder, capture_output=True, text=True, errors="replace")
         assert done.returncode == 0, done.stdout[-2000:]
-        assert re.findall(r"Overfull.*|Float too large.*|.*undefined on input.*", done.stdout) == []
+        assert re.findall(r"Overfull.*|Float too large.*|Reference.*undefined on input.*", done.stdout) == []
         assert all(file.name in done.stdout.replace("\n", "") for file in (folder / "figures").glob("*.pdf"))
 
 
@@ -84,8 +85,27 @@ def test_the_tables_have_every_scenario_and_what_explains_them(written):
 def test_what_does_not_fit_or_is_unknown_is_said(kept):
     with pytest.raises(BadInput, match="no column 'rsme'; did you mean 'rmse'"):
         paper.write(kept, kept.folder / "no", ["rsme"])
+    with pytest.raises(BadInput, match="no figure 'anes'; did you mean 'anees'"):
+        paper.write(kept, kept.folder / "no", figures=["anes"])
     with pytest.raises(BadInput, match=r"no scenario 'nlos\[ticks=9\]'; did you mean 'nlos"):
-        paper.write(kept, kept.folder / "no", COLUMNS, ["nlos[ticks=9]"])
+        select(kept, scenarios=["nlos[ticks=9]"])
+
+
+@pytest.mark.slow
+def test_by_default_three_figures_and_one_table_are_written_in_the_order_of_a_paper(kept):
+    part = select(kept, ["arl", LONG], ["nlos[ticks=8]"], baseline=LONG)
+    paper.write(part, kept.folder / "few")
+    latex = (kept.folder / "few" / paper.EXAMPLE).read_text()
+    assert re.findall(r"\\includegraphics{(.*?)}|\\input{(.*?)}", latex) == [
+        ("rmse", ""), ("anees", ""), ("bytes", ""), ("", "tables/one")
+    ]  # fmt: skip
+    assert latex.count("nothing was run; 8 trials a scenario") == 3
+    table = (kept.folder / "few" / "tables" / "one.tex").read_text()
+    assert r"arl~\cite{parashar2020}" in table
+    cited = re.findall(r"\\cite{(.*?)}", table)
+    assert set(cited) <= set(re.findall(r"@\w+{(\w+),", (kept.folder / "few" / "estimators.bib").read_text()))
+    assert "Change of the RMSE against mrsl-rssi" in table
+    assert "ekf-joint" not in table
 
 
 def test_a_long_label_is_short_and_equal_settings_have_equal_letters():

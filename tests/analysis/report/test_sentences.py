@@ -1,5 +1,7 @@
 """Sentences of a report say no more than the numbers do: who is best, and who is over-confident."""
 
+import re
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -73,20 +75,26 @@ def test_below_five_trials_nothing_is_claimed():
     found, text = standing(made(A | {"b": (0.1, 1.0)}, trials=4))
     assert (found.best, text[:22]) == ("", "Not assessed: 4 trials")
     assert standing(made(A))[1] == "No estimator qualifies: there is nothing to compare."
-    few = sentences.lowest_errors(*standings(made(A | {"b": (0.1, 1.0)}, trials=3)))
+    few = sentences.best_honest(*standings(made(A | {"b": (0.1, 1.0)}, trials=3)))
     assert few.startswith("Nothing is separable with 3 trials")
 
 
 def test_the_answer_says_who_is_lowest_by_how_much_and_who_is_over_confident():
     ones = {"arl": (1.0, 1.0), "ekf-local": (0.5, 1.0), "mrsl-rssi": (0.7, 9.0)}
     found, table = standings(pd.concat([rows_of(f"packet-drop/drop={d}", ones) for d in (0, 0.5)], ignore_index=True))
-    text = sentences.lowest_errors(found, table)
-    assert text.startswith("ekf-local has the lowest RMSE of those that qualify in all 2 scenarios, at least ")
-    assert "below that of the next (arl, packet-drop/drop=0" in text
+    text = sentences.best_honest(found, table)
+    assert text.startswith("Best honest estimator: ekf-local, in all two scenarios (0.")
+    assert " m, at least " in text
+    assert text.endswith(" below arl).")
     over = sentences.over_confident_estimators(table)
-    assert over.startswith("Over-confident: mrsl-rssi in 2 of 2 scenarios; the largest ANEES of a median trial is ")
+    assert over.startswith("Over-confident: mrsl-rssi in 2 scenarios; the squared errors of mrsl-rssi are ")
     found, table = standings(noisy({f"e{i}": (1.0, 1.0) for i in range(9)}, seed=5, trials=8))
-    text = sentences.lowest_errors(found, table)
+    text = sentences.best_honest(found, table)
     assert "; no significant difference: " in text
     assert text.endswith("others.")
     assert sentences.over_confident_estimators(table) == "No estimator was found over-confident."
+    both = [noisy({"a": (1.0, 1.0), "b": (1.0, 1.0)}), made({"a": (0.5, 1.0), "b": (1.0, 1.0)}, trials=12)]
+    labels = ("packet-drop/drop=0", "packet-drop/drop=0.5")
+    rows = pd.concat([one.assign(scenario=s) for one, s in zip(both, labels, strict=True)], ignore_index=True)
+    text = sentences.best_honest(*standings(rows))
+    assert re.fullmatch(r"Best honest estimator: a, in one of two scenarios \(.*\); in one it ties with b\.", text)
