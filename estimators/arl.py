@@ -13,6 +13,7 @@ import numpy as np
 
 from cooploc.estimators import particles as shared
 from cooploc.estimators.interface import Array, Mail, Senses
+from cooploc.estimators.robust import AssumedLoss
 from cooploc.estimators.tunable import tunable
 
 
@@ -36,6 +37,7 @@ class Arl:
     box: float = 0.5  # [m]
     inflation: float = tunable(1.0, 0.5, 5.0, log=True)
     precision: Literal["double", "single"] = "double"
+    loss: AssumedLoss = "world"
 
     uses = property(shared.own_channels)
     init = shared.init

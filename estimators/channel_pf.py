@@ -24,6 +24,7 @@ from cooploc.estimators import particles as shared
 from cooploc.estimators.interface import Array, Belief, Indices, Mail, Mask, Rows, Senses, Sensor, World
 from cooploc.estimators.kalman import curvature, kalman, symmetric
 from cooploc.estimators.particle_likelihood import pack, unpack
+from cooploc.estimators.robust import AssumedLoss, loss_of, rescale
 from cooploc.estimators.tunable import tunable
 
 VAGUE = 1e3  # sides of the arena: the standard deviation of a channel over which nothing was said
@@ -72,6 +73,7 @@ class ChannelPf:
     inflation: float = tunable(1.0, 0.5, 5.0, log=True)
     precision: Literal["double", "single"] = "double"
     reading: shared.RadioReading = "range"
+    loss: AssumedLoss = "world"
 
     uses = property(shared.team_channels)
 
@@ -155,7 +157,10 @@ def _linearise(sensor: Sensor, both: Belief, mine: Belief, z: Array) -> tuple[Ar
     R = sensor.R + extra
     if d > 2:
         R = R + H[..., 2:] @ mine.P[:, 2:, 2:] @ H[..., 2:].mT
-    return y - shift, np.concatenate([H[..., :2], Hq], -1), np.broadcast_to(R, (*y.shape, y.shape[-1]))
+    y, H = y - shift, np.concatenate([H[..., :2], Hq], -1)
+    if (loss := loss_of(sensor)) != "none":
+        y, H = rescale(loss, R, H @ both.P @ H.mT + R, y, H)
+    return y, H, np.broadcast_to(R, (*y.shape, y.shape[-1]))
 
 
 def _weigh(own: shared.FilterState, about: Array, gain: LinkInformation, i: Indices) -> Array:

@@ -24,6 +24,7 @@ from cooploc.estimators import mixtures, random_numbers
 from cooploc.estimators import particles as shared
 from cooploc.estimators.interface import Array, Belief, Mail, Rows, Senses, World
 from cooploc.estimators.mixtures import density, sample
+from cooploc.estimators.robust import AssumedLoss
 from cooploc.estimators.tunable import tunable
 
 
@@ -65,6 +66,7 @@ class Cmrl:
     reading: shared.RadioReading = "range"
     samples: int = 16
     apart: float = 2.5  # [m]
+    loss: AssumedLoss = "world"
 
     uses = property(shared.team_channels)
 

@@ -17,10 +17,11 @@ from cooploc.estimators import particles as shared
 from cooploc.estimators.compiled import inlined, kernel, readable, wide
 from cooploc.estimators.covariance_intersection import PIVOT, solve_relative, weight_equation, weight_root
 from cooploc.estimators.interface import Array, Belief, Indices, Mail, Mask, Rows, Senses, Sensor, World
-from cooploc.estimators.kalman import inflated_update, symmetric
+from cooploc.estimators.kalman import inflated_update, soften_pair, symmetric
 from cooploc.estimators.models import NEAR, TOO_NEAR_TO_RANGE, LogDistance, Range, wrap_heading
 from cooploc.estimators.particle_likelihood import log_normal, pack, unpack
 from cooploc.estimators.particles import offset, summary
+from cooploc.estimators.robust import AssumedLoss, loss_of
 from cooploc.estimators.tunable import tunable
 
 
@@ -142,7 +143,7 @@ def intersect(
     sensor, sender, z = reading
     x_j, P_j = unpack(packets[:, sender])
     y, H, H_j = sensor.innovation(at, x_j, z)
-    y = y + (H @ (at - belief.x)[..., None])[..., 0]
+    y, H, H_j = soften_pair(sensor, y + (H @ (at - belief.x)[..., None])[..., 0], H, H_j, belief.P, P_j)
     use = np.flatnonzero(~np.isnan(y).any(-1) & ~np.isnan(P_j).any((-2, -1)) & invertible(belief.P))
     w = np.ones(len(y))
     if use.size:
@@ -186,7 +187,7 @@ def fuse_by_message(p: "Ctrn", s: State, z: Senses, mail: Mail) -> State:
         P = np.where((w < 1)[:, None, None], belief.P, np.eye(x.shape[-1]))  # a collapsed one is not inverted
         e = offset(x, belief.x)
         flat = (w - 1)[:, None] * (-0.5 * (e * np.linalg.solve(P[:, None], e[..., None])[..., 0]).sum(-1))
-        logw = np.where(w[:, None] < 1, logw + flat + log_normal(y[..., 0], v), logw)
+        logw = np.where(w[:, None] < 1, logw + flat + log_normal(y[..., 0], v, loss_of(sensor)), logw)
     return s._replace(own=s.own._replace(logw=logw))
 
 
@@ -200,7 +201,7 @@ def fuse_by_moments(p: "Ctrn", s: State, z: Senses, mail: Mail) -> State:
     This is the compiled loop's where there is one for the sensor, else step by step.
     """
     before, sensor, done = shared.belief_to_send(s.own), s.own.world.sensors[f"radio_{p.reading}"], None
-    if p.weights == "exact" and type(sensor) in (LogDistance, Range):
+    if p.weights == "exact" and type(sensor) in (LogDistance, Range) and loss_of(sensor) == "none":
         done = chain(before, sensor, mail.packets, getattr(mail, p.reading), p.criterion)
     if done is None:
         after, s = step_by_step(p, s, before, z, mail)
@@ -332,6 +333,7 @@ class Ctrn:
     fusion: Literal["moments", "message", "received"] = "moments"
     weights: Literal["cvxpy", "exact"] = "cvxpy"
     criterion: Literal["trace", "det"] = tunable("trace", choices=("trace", "det"))
+    loss: AssumedLoss = "world"
 
     def __post_init__(self) -> None:
         shared.require_limits(self)

@@ -18,6 +18,7 @@ from cooploc.estimators import kalman
 from cooploc.estimators.covariance_intersection import solve_relative
 from cooploc.estimators.interface import Array, Belief, Mail, Senses
 from cooploc.estimators.models import AnchorReading
+from cooploc.estimators.robust import AssumedLoss
 from cooploc.estimators.tunable import tunable
 
 
@@ -42,6 +43,7 @@ class EkfCi:
     reading: kalman.RadioReading = "range"
     criterion: Literal["trace", "det"] = tunable("trace", choices=("trace", "det"))
     over: Literal["position", "state"] = tunable("state", choices=("state", "position"))
+    loss: AssumedLoss = "world"
 
     uses = property(kalman.team_channels)
     init = kalman.start_broadcasting
@@ -61,7 +63,9 @@ class EkfCi:
         sent = kalman.Message.unpack(mail.packets, s.x.shape[-1])
         for pair in kalman.receive(s.world, z, mail, sent.sightings, s.robot):
             linear = pair.linearise(s.x, sent.x[:, pair.sender])
-            s = self._intersect(s, *linear, sent.P[0][:, pair.sender], pair.sensor.R)
+            P_j = sent.P[0][:, pair.sender]
+            linear = kalman.soften_pair(pair.sensor, *linear, s.P, P_j)
+            s = self._intersect(s, *linear, P_j, pair.sensor.R)
         return s
 
     def _intersect(

@@ -20,6 +20,7 @@ from cooploc.estimators import kalman
 from cooploc.estimators.ekf_ci import EkfCi
 from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses, World
 from cooploc.estimators.models import AnchorReading, wrap_heading
+from cooploc.estimators.robust import AssumedLoss
 from cooploc.estimators.tunable import tunable
 
 
@@ -48,6 +49,7 @@ class EkfEventCi:
     engine: kalman.EngineName = "batched"
     reading: kalman.RadioReading = "range"
     threshold: float = 0.1
+    loss: AssumedLoss = "world"
 
     uses = property(kalman.team_channels)
 
@@ -57,7 +59,7 @@ class EkfEventCi:
     @property
     def ci(self) -> EkfCi:
         """The filter whose packets are held back."""
-        return EkfCi(self.anchor_reading, self.gate, self.inflation, self.engine, self.reading)
+        return EkfCi(self.anchor_reading, self.gate, self.inflation, self.engine, self.reading, loss=self.loss)
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
         nothing = Belief(np.full_like(prior.x, np.nan), np.full_like(prior.P, np.nan))

@@ -22,8 +22,9 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from cooploc.estimators import kalman
-from cooploc.estimators.interface import Array, Belief, Indices, Mail, Rows, Senses, World
+from cooploc.estimators.interface import Array, Belief, Indices, Mail, Rows, Senses, Sensor, World
 from cooploc.estimators.models import AnchorReading, fixed_readings, wrap_heading
+from cooploc.estimators.robust import AssumedLoss
 from cooploc.estimators.tunable import tunable
 
 
@@ -57,6 +58,7 @@ class EkfGsCi:
     reading: kalman.RadioReading = "range"
     weight: float = 0.8
     drift: float = 0.5
+    loss: AssumedLoss = "world"
 
     uses = property(kalman.team_channels)
 
@@ -86,7 +88,7 @@ class EkfGsCi:
     def correct(self, s: State, z: Senses) -> State:
         for sensor, place, reading in fixed_readings(s.world, z, self.anchor_reading):
             y, H, _ = kalman.innovation(sensor, s.x[_pose_of(s)], place, reading)
-            s = self._update(s, y, _widen(s, H), sensor.R)
+            s = self._update(s, y, _widen(s, H), sensor)
         return s
 
     def send(self, s: State, z: Senses) -> Array:
@@ -105,14 +107,15 @@ class EkfGsCi:
             )
             H = _widen(s, H)
             H[:, :, there] += H_j
-            s = self._update(s, y, H, sensor.R)
+            s = self._update(s, y, H, sensor)
         return s
 
     def estimate(self, s: State) -> Belief:
         return Belief(wrap_heading(s.x[_pose_of(s)]), s.P[_block_of(s)])
 
-    def _update(self, s: State, y: Array, H: Array, R: Array) -> State:
-        x, P = kalman.ENGINES[self.engine].update(s.x, s.P, y, H, R, self.gate)
+    def _update(self, s: State, y: Array, H: Array, sensor: Sensor) -> State:
+        y, H = kalman.soften(sensor, s.P, y, H)
+        x, P = kalman.ENGINES[self.engine].update(s.x, s.P, y, H, sensor.R, self.gate)
         return s._replace(x=x, P=P)
 
     def _intersect(self, s: State, sent: kalman.Message) -> State:

@@ -15,6 +15,7 @@ from cooploc.estimators import kalman
 from cooploc.estimators.interface import Array
 from cooploc.estimators.inverse_covariance_intersection import combine, harmonic_mean
 from cooploc.estimators.models import AnchorReading
+from cooploc.estimators.robust import AssumedLoss
 from cooploc.estimators.tunable import tunable
 
 
@@ -38,6 +39,7 @@ class EkfHmd:
     reading: kalman.RadioReading = "range"
     both: bool = True
     weight: float = 0.5
+    loss: AssumedLoss = "world"
 
     uses = property(kalman.team_channels)
     init = kalman.start_broadcasting

@@ -15,6 +15,7 @@ from cooploc.estimators import kalman
 from cooploc.estimators.interface import Array
 from cooploc.estimators.inverse_covariance_intersection import combine, intersection_at_weight, inverse_intersection
 from cooploc.estimators.models import AnchorReading
+from cooploc.estimators.robust import AssumedLoss
 from cooploc.estimators.tunable import tunable
 
 
@@ -39,6 +40,7 @@ class EkfIci:
     both: bool = True
     form: Literal["trace", "fixed"] = "trace"
     weight: float = 0.8
+    loss: AssumedLoss = "world"
 
     uses = property(kalman.team_channels)
     init = kalman.start_broadcasting

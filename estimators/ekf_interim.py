@@ -27,6 +27,7 @@ from cooploc.estimators.interface import HEADER, Array, Belief, Mail, Mask, Rows
 from cooploc.estimators.joint_gaussian import block_diagonal, definite, dense, square
 from cooploc.estimators.joint_kernels import RUNAWAY, master, sight_decoupled
 from cooploc.estimators.models import AnchorReading, fixed_readings
+from cooploc.estimators.robust import AssumedLoss
 from cooploc.estimators.tunable import tunable
 
 
@@ -54,6 +55,7 @@ class EkfInterim:
     inflation: float = tunable(1.0, 0.5, 5.0, log=True)
     engine: kalman.EngineName = "batched"
     reading: kalman.RadioReading = "range"
+    loss: AssumedLoss = "world"
 
     uses = property(kalman.team_channels)
     estimate = kalman.estimate_belief
@@ -88,11 +90,14 @@ class EkfInterim:
         for sensor, place, reading in () if seen else fixed_readings(s.world, z, self.anchor_reading):
             for a in np.flatnonzero(~np.isnan(reading).all((0, 2))).tolist():
                 y, H, _ = kalman.innovation(sensor, s.x[:, a], place, reading[:, a])
+                y, H = kalman.soften(sensor, s.P[:, a], y, H)
                 used = self._master(s, a, y, {a: H}, sensor.R, air.heard[:, :, a])
                 kalman.count(sent, a, used & (s.world.robots > 1), 1 + y.shape[-1] * (1 + 2 * d))
         for sensor, a, b, reading in kalman.pair_readings(s.world, z, air):
             asked, answered = np.asarray(~np.isnan(reading).any(-1)), air.heard[:, b, a]
-            y, H_a, H_b = kalman.linearise(sensor, s.x[:, a], s.x[:, b], reading)
+            linear = kalman.linearise(sensor, s.x[:, a], s.x[:, b], reading)
+            P_ab = s.Phi[:, a], s.Pi[:, a, a, :, b], s.Phi[:, b].mT
+            y, H_a, H_b = kalman.soften_pair(sensor, *linear, s.P[:, a], s.P[:, b], *P_ab)
             y = np.where((answered & air.heard[:, a, b])[:, None], y, np.nan)
             used = self._master(s, a, y, {a: H_a, b: H_b}, sensor.R, air.heard[:, :, a])
             kalman.count(sent, a, asked, 0)

@@ -36,6 +36,7 @@ from cooploc.estimators.models import (
     fixed_readings,
     wrap_heading,
 )
+from cooploc.estimators.robust import AssumedLoss
 from cooploc.estimators.tunable import tunable
 
 FORGET = 0.03  # weight of the latest readings in the average share of refused ones: 23 refused in a row make 0.5
@@ -90,6 +91,7 @@ class EkfJoint:
     second_order: bool = tunable(True, choices=(True, False))
     update: Literal["batch", "sequential"] = tunable("batch", choices=("batch", "sequential"))
     lost: float = tunable(0.5, 0.1, 1.0)
+    loss: AssumedLoss = "world"
 
     @property
     def uses(self) -> tuple[str, ...]:
@@ -130,13 +132,14 @@ class EkfJoint:
         for sensor, place, reading in fixed_readings(s.world, z, self.anchor_reading):
             if self.update == "batch":
                 s = self._update_by_fixed(s, sensor, place, reading)
-            elif self.engine == "batched" and isinstance(sensor, GradientDoa):
+            elif self.engine == "batched" and isinstance(sensor, GradientDoa) and sensor.loss == "none":
                 x, P = s.x.copy(), joint.square(s.P.copy())
                 add_directions(x, P, reading[..., 0], *direction_weights(sensor), self.gate)
                 s = _set_belief(s, x, P)
             else:
                 for i in np.flatnonzero(~np.isnan(reading).all((0, 2))).tolist():
                     y, H, _ = kalman.innovation(sensor, s.x[:, i], place, reading[:, i])
+                    y, H = kalman.soften(sensor, s.P[:, i, :, i], y, H)
                     s = self._update(s, y, {i: H}, sensor.R)
         return s
 
@@ -161,6 +164,7 @@ class EkfJoint:
     def _update_by_fixed(self, s: State, sensor: Sensor, place: Array, reading: Array) -> State:
         """Update by every robot's reading (t, n, k) of one fixed thing, linearised and gated before any is used."""
         y, H, _ = kalman.innovation(sensor, s.x, place, reading)
+        y, H = kalman.soften(sensor, joint.own_blocks(s.P), y, H)
         readings = joint.linear_fixed(y, H, sensor.R)
         d2 = distances(joint.square(s.P), readings)
         use = d2 <= self.gate
@@ -177,7 +181,7 @@ class EkfJoint:
 
         Each reading is gated alone, against the belief before all of them.
         """
-        if self.engine == "batched" and isinstance(sensor, Range):
+        if self.engine == "batched" and isinstance(sensor, Range) and sensor.loss == "none":
             x, P = s.x.copy(), joint.square(s.P.copy())
             d2 = join_ranges(x, P, readings[..., 0], sensor.R.item(), self.gate, self.second_order, self.iterations)
             return _count_distances(_set_belief(s, x, P), d2, self.gate, True)
@@ -194,6 +198,7 @@ class EkfJoint:
             if k > 0:
                 back = (at.x - s.x)[..., None]
                 y = y + (H_i @ back[:, :, None] + H_j @ back[:, None])[..., 0]
+            y, H_i, H_j = kalman.soften_pair(sensor, y, H_i, H_j, *joint.pair_blocks(s.P), extra=extra)
             linear = joint.linear_readings(y, H_i, H_j, R)
             if k == 0:
                 d2 = distances(joint.square(s.P), linear)
@@ -217,7 +222,7 @@ class EkfJoint:
         """Update by readings of teammates sender by sender, each linearised at what the last one left."""
         plain = self.iterations == 1 and not self.second_order and self.engine == "batched"
         for sensor, readings in self._team_readings(s.world, z, air):
-            if plain and isinstance(sensor, Range):
+            if plain and isinstance(sensor, Range) and sensor.loss == "none":
                 x, P = s.x.copy(), joint.square(s.P.copy())
                 add_ranges(x, P, readings[..., 0], sensor.R.item(), self.gate)
                 s = _set_belief(s, x, P)
@@ -239,6 +244,8 @@ class EkfJoint:
             y, H_i, H_j = kalman.linearise(sensor, at.x[:, i], at.x[:, j], reading)
             back = at.x - s.x
             y = y - shift + (H_i @ back[:, i, :, None] + H_j @ back[:, j, :, None])[..., 0]
+            blocks = s.P[:, i, :, i], s.P[:, j, :, j], s.P[:, i, :, j]
+            y, H_i, H_j = kalman.soften_pair(sensor, y, H_i, H_j, *blocks, extra=extra)
             at = self._update(s, y, {i: H_i, j: H_j}, sensor.R + extra)
         return at
 
@@ -269,7 +276,7 @@ def _select_part(sighting: str, world: World, z: Senses) -> tuple[World, Senses]
     if not isinstance(camera, Sighting):
         raise BadInput(f"sighting={sighting!r} needs sightings of range and bearing, not those of {camera!r}")
     ranged = sighting == "range"
-    part: Sensor = Range(camera.sigma_range) if ranged else Bearing(camera.sigma_bearing)
+    part: Sensor = (Range if ranged else Bearing)(camera.sigma_range if ranged else camera.sigma_bearing, camera.loss)
     numbers = z.sighting[..., :1] if ranged else z.sighting[..., 1:]
     return replace(world, sensors={**world.sensors, "sighting": part}), z._replace(sighting=numbers)
 

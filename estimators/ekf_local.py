@@ -12,6 +12,7 @@ from cooploc.estimators import kalman
 from cooploc.estimators.dead_reckoning import State
 from cooploc.estimators.interface import Array, Belief, Mail, Rows, Senses, World
 from cooploc.estimators.models import AnchorReading
+from cooploc.estimators.robust import AssumedLoss
 from cooploc.estimators.tunable import tunable
 
 
@@ -27,6 +28,7 @@ class EkfLocal:
     gate: float = tunable(kalman.GATE, 2.0, 1000.0, log=True)
     inflation: float = tunable(1.0, 0.5, 5.0, log=True)
     engine: kalman.EngineName = "batched"
+    loss: AssumedLoss = "world"
 
     uses = property(kalman.own_channels)
     predict = kalman.predict_belief

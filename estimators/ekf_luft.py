@@ -21,6 +21,7 @@ from cooploc.estimators import kalman
 from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses, Traffic, World
 from cooploc.estimators.joint_kernels import meet, possible
 from cooploc.estimators.models import AnchorReading
+from cooploc.estimators.robust import AssumedLoss
 from cooploc.estimators.tunable import tunable
 
 
@@ -47,6 +48,7 @@ class EkfLuft:
     inflation: float = tunable(1.0, 0.5, 5.0, log=True)
     engine: kalman.EngineName = "batched"
     reading: kalman.RadioReading = "range"
+    loss: AssumedLoss = "world"
 
     uses = property(kalman.team_channels)
     estimate = kalman.estimate_belief
@@ -79,7 +81,9 @@ class EkfLuft:
             asked = np.asarray(~np.isnan(reading).any(-1))
             answered = asked & air.heard[:, j, i]
             heard = np.where((answered & air.heard[:, i, j])[:, None], reading, np.nan)
-            y, H_i, H_j = kalman.linearise(sensor, s.x[:, i], s.x[:, j], heard)
+            linear = kalman.linearise(sensor, s.x[:, i], s.x[:, j], heard)
+            P_ij = s.sigma[:, i, j], s.sigma[:, j, i].mT
+            y, H_i, H_j = kalman.soften_pair(sensor, *linear, s.P[:, i], s.P[:, j], *P_ij)
             linear = y.copy(), np.concatenate([H_i, H_j], -1), np.ascontiguousarray(sensor.R)
             update = update_pair if self.engine == "filterpy" else meet
             used = np.asarray(update(s.x, s.P, s.sigma, i, j, linear, self.gate))

@@ -12,6 +12,7 @@ from typing import ClassVar
 from cooploc.estimators import kalman
 from cooploc.estimators.interface import Array
 from cooploc.estimators.models import AnchorReading
+from cooploc.estimators.robust import AssumedLoss
 from cooploc.estimators.tunable import tunable
 
 
@@ -29,6 +30,7 @@ class EkfNaive:
     engine: kalman.EngineName = "batched"
     reading: kalman.RadioReading = "range"
     both: bool = True
+    loss: AssumedLoss = "world"
 
     uses = property(kalman.team_channels)
     init = kalman.start_broadcasting

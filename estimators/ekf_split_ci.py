@@ -23,6 +23,7 @@ import numpy as np
 from cooploc.estimators import joint_kernels, kalman
 from cooploc.estimators.interface import Array, Belief, Indices, Mail, Mask, Rows, Senses, World
 from cooploc.estimators.models import AnchorReading, fixed_readings, wrap_heading
+from cooploc.estimators.robust import AssumedLoss
 from cooploc.estimators.tunable import tunable
 
 
@@ -56,6 +57,7 @@ class EkfSplitCi:
     reading: kalman.RadioReading = "range"
     form: Literal["literal", "received", "conservative"] = "received"
     both: bool = True
+    loss: AssumedLoss = "world"
 
     uses = property(kalman.team_channels)
 
@@ -79,6 +81,7 @@ class EkfSplitCi:
             return s._replace(x=x, Pd=Pd, Pi=Pi)
         for sensor, place, reading in fixed_readings(s.world, z, self.anchor_reading):
             y, H, _ = kalman.innovation(sensor, s.x, place, reading)
+            y, H = kalman.soften(sensor, s.Pd + s.Pi, y, H)
             nothing = np.zeros((*y.shape, y.shape[-1]))
             s, _ = self._update(s, y, H, nothing, sensor.R + nothing, own=True)
         return s
@@ -106,7 +109,7 @@ class EkfSplitCi:
         if self.form == "conservative":
             again = known[:, None, None]
             Pd_j, Pi_j = np.where(again, Pd_j + Pi_j, Pd_j), np.where(again, 0.0, Pi_j)
-        y, H, H_j = pair.linearise(s.x, x_j)
+        y, H, H_j = kalman.soften_pair(pair.sensor, *pair.linearise(s.x, x_j), s.Pd + s.Pi, Pd_j + Pi_j)
         Rd, Ri = H_j @ Pd_j @ H_j.mT, H_j @ Pi_j @ H_j.mT + pair.sensor.R
         return self._update(s, y, H, Rd, Ri)
 

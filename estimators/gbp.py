@@ -25,6 +25,7 @@ from cooploc.estimators.interface import Array, Belief, Indices, Mail, Mask, Row
 from cooploc.estimators.kalman import linearise, symmetric
 from cooploc.estimators.kalman_window import READINGS, Window, append_tick, drop_oldest, empty, smooth, times
 from cooploc.estimators.models import RAW, AnchorReading, fixed_readings, gradient_doa, wrap_heading
+from cooploc.estimators.robust import Loss, weights
 
 # Factors of readings between two robots, and the four messages that pass between such a factor and its two poses.
 #
@@ -82,16 +83,20 @@ class PairFactors(NamedTuple):
         return self.y - times(self.H_j, m - self.seen_at), self.R + self.H_j @ C @ self.H_j.mT
 
 
-def weigh(y: Array, R: Array, huber: float, *Hs: Array) -> tuple[Array, Array, list[Array]]:
-    """Return y, R / w and H, 0 where there is no reading; w = 2 h/M - h^2/M^2 where M = |y|_R exceeds h = `huber`.
+HUBER = 3.0  # [standard deviations of the reading] beyond which Huber's loss is linear
 
-    So half of y' (R/w)^-1 y is Huber's loss (Davison & Ortiz 2019, sec. 3.6).
+
+def weigh(y: Array, R: Array, loss: Loss, *Hs: Array) -> tuple[Array, Array, list[Array]]:
+    """Return y, R / w and H, 0 where there is no reading; w = 2 h/M - h^2/M^2 where M = |y|_R exceeds h (Huber).
+
+    So half of y' (R/w)^-1 y is Huber's loss (Davison & Ortiz 2019, sec. 3.6); Student's w is that of `robust.weights`.
     """
     there: Mask = np.asarray(~np.isnan(y).any(-1))
     y, R = np.where(there[..., None], y, 0.0), np.broadcast_to(R, (*y.shape, y.shape[-1]))
     M = np.sqrt((y * np.linalg.solve(R, y[..., None])[..., 0]).sum(-1))
-    share = huber / np.maximum(M, huber) if np.isfinite(huber) else np.ones_like(M)
-    return y, R / (2 * share - share**2)[..., None, None], [np.where(there[..., None, None], H, 0.0) for H in Hs]
+    share = HUBER / np.maximum(M, HUBER)
+    w = 2 * share - share**2 if loss == "huber" else weights(loss, M**2, y.shape[-1])
+    return y, R / w[..., None, None], [np.where(there[..., None, None], H, 0.0) for H in Hs]
 
 
 # What a robot holds: a chain of poses, factors to teammates, and the messages that came; solved by one smoother.
@@ -118,13 +123,13 @@ class State(NamedTuple):
         """The poses (r, l, d)."""
         return self.own.x[:, :, 0]
 
-    def factors(self, huber: float) -> PairFactors:
+    def factors(self, loss: Loss) -> PairFactors:
         """Return the robot's readings of teammates, as they stand in the last solution."""
         channel = next(c for c in ("sighting", "radio_range", "radio_rssi") if c in self.world.sensors)
         sensor, seen_at = self.world.sensors[channel], np.nan_to_num(self.seen_at)
         y, H, H_j = linearise(sensor, self.at[:, :, None], seen_at, self.reading)
         y = np.where(np.isnan(self.seen_at[..., :1]), np.nan, y)
-        y, R, (H, H_j) = weigh(y, sensor.R, huber, H, H_j[..., :2])
+        y, R, (H, H_j) = weigh(y, sensor.R, loss, H, H_j[..., :2])
         return PairFactors(y, H, H_j, R, seen_at)
 
     def append_pose(self, own: Window) -> Self:
@@ -157,15 +162,15 @@ def start(prior: Belief, world: World, robot: Indices) -> State:
     return State(own, np.empty((r, 0, d, d)), np.empty((r, 0, d)), reading, *none, prior, prior, robot, world)
 
 
-def relax(s: State, iterations: int, anchor_reading: AnchorReading, huber: float) -> State:
+def relax(s: State, iterations: int, anchor_reading: AnchorReading, loss: Loss) -> State:
     """Solve the chain so many times, linearised at what the last solution found: Gauss-Newton with messages as data.
 
     A teammate's position follows the solution: x_j = m + C H_j' S^-1 (v - H dx), S = R + H_j C H_j'.
     """
     for _ in range(iterations):
         s = s._replace(at=s.x, seen_at=s.seen)
-        pairs = s.factors(huber)
-        eta, Lambda = _fixed_information(s, anchor_reading, huber)
+        pairs = s.factors(loss)
+        eta, Lambda = _fixed_information(s, anchor_reading, loss)
         for message in (pairs.onto_self(s.theirs), s.heard.about(s.at)):
             eta, Lambda = eta + message.eta.sum(2), Lambda + message.Lambda.sum(2)
         solution = smooth(s.own, eta, Lambda)
@@ -176,12 +181,12 @@ def relax(s: State, iterations: int, anchor_reading: AnchorReading, huber: float
     return s
 
 
-def _fixed_information(s: State, anchor_reading: AnchorReading, huber: float) -> tuple[Array, Array]:
+def _fixed_information(s: State, anchor_reading: AnchorReading, loss: Loss) -> tuple[Array, Array]:
     """Return eta (r, l, d), Lambda (r, l, d, d) of readings of anchors and landmarks, about `at`."""
     eta, Lambda = np.zeros(s.at.shape), np.zeros((*s.at.shape, s.at.shape[-1]))
     for sensor, place, reading in fixed_readings(s.world, s.own.z, anchor_reading):
         y, H, _ = sensor.innovation(s.at, place, reading[:, :, 0])
-        y, R, (H,) = weigh(y, sensor.R, huber, H)
+        y, R, (H,) = weigh(y, sensor.R, loss, H)
         W = H.mT @ np.linalg.inv(R)
         eta += times(W, y)
         Lambda += W @ H
@@ -214,7 +219,7 @@ class Packet(NamedTuple):
         return cls(Belief(*_unflatten(mine)), Information(*_unflatten(yours)))
 
 
-def outgoing(s: State, huber: float) -> Packet:
+def outgoing(s: State, loss: Loss) -> Packet:
     """Return the messages to each teammate.
 
     Of an own position: the belief without the information that came from the teammate's factor; of the newest to all,
@@ -227,7 +232,7 @@ def outgoing(s: State, huber: float) -> Packet:
     position = Belief(*(np.repeat(a[:, :, None], n, 2) for a in (x[..., :2], P[..., :2, :2])))
     mine = heard.taken_from(position)
     asked = ~np.isnan(s.heard.eta[..., 0]) | newest[:, None]
-    factors = s.factors(huber)
+    factors = s.factors(loss)
     message = factors.onto_self(s.theirs)
     off = Belief(np.repeat(wrap_heading(x - s.at)[:, :, None], n, 2), np.repeat(P[:, :, None], n, 2))
     yours = factors.onto_teammate(message.taken_from(off))
@@ -274,7 +279,8 @@ class Gbp:
             "gradient", the gradient [dB/m] it is taken from; "any", as "rssi", and nothing where there are neither
             anchors nor landmarks; or "none", no reading of anchors, nor of landmarks.
         reading: the radio reading that is used where no camera sees teammates: "range" [m] or "rssi" [dBm].
-        huber: errors beyond so many standard deviations (no unit) count less, as in Huber's loss; inf: all count fully.
+        loss: how errors of many standard deviations count: less, as in Huber's loss ("huber", beyond 3) or for the
+            noise of Student's t ("student"); or fully ("none").
     """
 
     api: ClassVar[int] = 1
@@ -284,10 +290,10 @@ class Gbp:
     iterations: int = 1
     anchor_reading: AnchorReading = "rssi"
     reading: Literal["range", "rssi"] = "range"
-    huber: float = 3.0
+    loss: Loss = "huber"
 
     def __post_init__(self) -> None:
-        require(self, window=(1, 1000), iterations=(1, 1000), huber=(0.1, np.inf))
+        require(self, window=(1, 1000), iterations=(1, 1000))
 
     @property
     def uses(self) -> tuple[str, ...]:
@@ -308,18 +314,18 @@ class Gbp:
 
     def correct(self, s: State, z: Senses) -> State:
         """Solve the window with this tick's readings of fixed things, so that messages have them."""
-        return relax(s, 1, self.anchor_reading, self.huber)
+        return relax(s, 1, self.anchor_reading, self.loss)
 
     def send(self, s: State, z: Senses) -> Array:
         """Return a packet (r, n, m) for each teammate: messages on own positions, and on the teammate's."""
-        return outgoing(s, self.huber).pack(self.window)
+        return outgoing(s, self.loss).pack(self.window)
 
     def fuse(self, s: State, z: Senses, mail: Mail) -> State:
         """Take newer messages, and readings of robots that were heard as factors. The oldest pose may leave."""
         reading = z.sighting if "sighting" in s.world.sensors else getattr(mail, self.reading)[..., None]
         packet = Packet.unpack(mail.packets, s.own.x.shape[1])
         s = receive(s, np.where(mail.heard[..., None], reading, np.nan), packet)
-        s = relax(s, self.iterations, self.anchor_reading, self.huber)
+        s = relax(s, self.iterations, self.anchor_reading, self.loss)
         return s.drop_oldest_pose(drop_oldest(s.own, s.oldest)) if s.own.x.shape[1] == self.window else s
 
     def estimate(self, s: State) -> Belief:

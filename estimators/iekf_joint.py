@@ -22,6 +22,7 @@ from cooploc.estimators import kalman
 from cooploc.estimators.interface import Array, Belief, Mail, Rows, Senses, Traffic, World
 from cooploc.estimators.joint_kernels import LinearReadings, distances
 from cooploc.estimators.models import AnchorReading, fixed_readings, wrap_heading
+from cooploc.estimators.robust import AssumedLoss
 from cooploc.estimators.tunable import tunable
 
 
@@ -48,6 +49,7 @@ class IekfJoint:
     inflation: float = tunable(1.0, 0.5, 5.0, log=True)
     engine: kalman.EngineName = "batched"
     reading: kalman.RadioReading = "range"
+    loss: AssumedLoss = "world"
 
     uses = property(kalman.team_channels)
 
@@ -66,12 +68,14 @@ class IekfJoint:
     def correct(self, s: State, z: Senses) -> State:
         for sensor, place, reading in fixed_readings(s.world, z, self.anchor_reading):
             y, H, _ = kalman.innovation(sensor, s.x, place, reading)
+            y, H = kalman.soften(sensor, joint.own_blocks(s.P), y, H)
             s = self._update_together(s, joint.linear_fixed(y, H, sensor.R))
         return s
 
     def exchange(self, s: State, z: Senses, air: Mail) -> tuple[State, Traffic]:
         for sensor, reading in kalman.reading_tables(s.world, z, air):
-            y, H_i, H_j = kalman.linearise(sensor, s.x[:, :, None], s.x[:, None], reading)
+            linear = kalman.linearise(sensor, s.x[:, :, None], s.x[:, None], reading)
+            y, H_i, H_j = kalman.soften_pair(sensor, *linear, *joint.pair_blocks(s.P))
             s = self._update_together(s, joint.linear_readings(y, H_i, H_j, sensor.R))
         return s, kalman.no_traffic(s.x)
 

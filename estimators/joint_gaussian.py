@@ -38,6 +38,17 @@ def block_diagonal(blocks: Array) -> Array:
     return P
 
 
+def own_blocks(P: Array) -> Array:
+    """Return P_ii (t, n, d, d) of P (t, n, d, n, d), a view."""
+    return np.asarray(np.einsum("tiaib->tiab", P), float)
+
+
+def pair_blocks(P: Array) -> tuple[Array, Array, Array]:
+    """Return P_ii (t, n, 1, d, d), P_jj (t, 1, n, d, d) and P_ij (t, n, n, d, d) of P (t, n, d, n, d), views."""
+    own = own_blocks(P)
+    return own[:, :, None], own[:, None], P.swapaxes(2, 3)
+
+
 def move_blocks(engine: EngineName, P: Array, F: Array, Q: Array) -> Array:
     """Return F_i P_ij F_j', and Q_i on the diagonal, of P (t, n d, n d) and blocks F and Q (t, n, d, d)."""
     if engine == "filterpy":

@@ -7,7 +7,7 @@ numpy; `filterpy` runs filterpy's ExtendedKalmanFilter row by row, as a filterpy
 import inspect
 from collections.abc import Callable, Iterator
 from dataclasses import fields
-from functools import lru_cache
+from functools import lru_cache, reduce
 from typing import Any, Literal, NamedTuple, Self, TypeVar
 
 import numpy as np
@@ -44,6 +44,7 @@ from cooploc.estimators.models import (
     inflate,
     wrap_heading,
 )
+from cooploc.estimators.robust import loss_of, rescale
 
 EngineName = Literal["batched", "filterpy"]
 RadioReading = Literal["rssi", "range", "any"]
@@ -65,6 +66,9 @@ MEANINGS = {
     "engine": '"batched" computes all rows at once; "filterpy" runs filterpy\'s filter row by row, to compare with.',
     "reading": """the radio reading that is used where no camera sees teammates: "range" [m], "rssi" [dBm], or "any",
         the first of these that there is.""",
+    "loss": """how a reading counts that is far from what is expected: less and less, as in Huber's loss ("huber") or
+        for the noise of Student's t ("student"); fully, up to the gate ("none"); or as the world's sensors state
+        ("world"), in simulated worlds "none".""",
     "both": "whether a sighting corrects the robot that was seen, too.",
 }
 
@@ -100,7 +104,7 @@ def assume(p: Any, world: World) -> World:
     """Return the world with a filter's inflation; BadInput where directions of arrival lack four corner anchors."""
     if p.anchor_reading not in (*RAW, "none") and "anchor_rssi" in world.sensors:
         gradient_doa(world)
-    return inflate(world, p.inflation)
+    return inflate(world, p.inflation, p.loss)
 
 
 # The Kalman predict and update of many rows at once.
@@ -296,14 +300,23 @@ def correct_ekf(p: Any, world: World, x: Array, P: Array, z: Senses) -> tuple[Ar
         return x, P
     for sensor, place, reading in fixed_readings(world, z, p.anchor_reading):
         y, H, _ = innovation(sensor, x, place, reading)
+        y, H = soften(sensor, P, y, H)
         x, P = ENGINES[p.engine].update(x, P, y, H, sensor.R, p.gate)
     return x, P
+
+
+def soften(sensor: Sensor, P: Array, y: Array, H: Array) -> tuple[Array, Array]:
+    """Return `robust.rescale` of y and H; S = H P H' + R."""
+    if (loss := loss_of(sensor)) == "none":
+        return y, H
+    y, H = rescale(loss, sensor.R, H @ P @ H.mT + sensor.R, y, H)
+    return y, H
 
 
 def landmarks_alone(p: Any, world: World, z: Senses) -> LandmarkSightings | None:
     """Return a tick's sightings of landmarks for a compiled loop, where nothing else is used of fixed things."""
     camera = world.sensors.get("landmark")
-    if p.engine != "batched" or p.anchor_reading == "none" or type(camera) is not Sighting:
+    if p.engine != "batched" or p.anchor_reading == "none" or type(camera) is not Sighting or camera.loss != "none":
         return None
     if "anchor_rssi" in world.sensors or "anchor_range" in world.sensors:
         return None
@@ -433,6 +446,24 @@ def linearise(sensor: Sensor, x_i: Array, x_j: Array, reading: Array) -> tuple[A
     return y, H, H_j
 
 
+def soften_pair(
+    sensor: Sensor, y: Array, H: Array, H_j: Array, P: Array, P_j: Array, *P_ij: Array, extra: Array | float = 0.0
+) -> tuple[Array, Array, Array]:
+    """Return `robust.rescale` of a reading of robot j; S = (H, H_j) (P, P_ij; P_ij', P_j) (H, H_j)' + R.
+
+    P_ij is the product of the matrices given, or 0; `extra` is added to R.
+    """
+    if (loss := loss_of(sensor)) == "none":
+        return y, H, H_j
+    R = sensor.R + extra
+    S = H @ P @ H.mT + H_j @ P_j @ H_j.mT + R
+    if P_ij:
+        both = H @ reduce(np.matmul, P_ij) @ H_j.mT
+        S = S + both + both.mT
+    y, H, H_j = rescale(loss, R, S, y, H, H_j)
+    return y, H, H_j
+
+
 def curvature(sensor: Sensor, x_i: Array, x_j: Array, D: Array) -> tuple[Array, Array]:
     """Return a range's second-order mean shift (..., k) and variance (..., k, k); x_i - x_j has D (..., 2, 2)."""
     return sensor.curvature(x_i, x_j[..., :2], D) if isinstance(sensor, Range) else (np.zeros(1), np.zeros((1, 1)))
@@ -471,6 +502,7 @@ def fuse_broadcasts(p: Any, s: BroadcastState, z: Senses, mail: Mail) -> Broadca
     x, P = s.x, s.P
     sent = Message.unpack(mail.packets, x.shape[-1])
     for pair in receive(s.world, z, mail, sent.sightings, s.robot):
-        y, H, H_j = pair.linearise(x, sent.x[:, pair.sender])
-        x, P = p.combine(x, P, y, H, H_j @ sent.P[0][:, pair.sender] @ H_j.mT + pair.sensor.R)
+        P_j = sent.P[0][:, pair.sender]
+        y, H, H_j = soften_pair(pair.sensor, *pair.linearise(x, sent.x[:, pair.sender]), P, P_j)
+        x, P = p.combine(x, P, y, H, H_j @ P_j @ H_j.mT + pair.sensor.R)
     return s._replace(x=x, P=P)

@@ -17,6 +17,7 @@ from cooploc.estimators.models import NEAR, TOO_NEAR_TO_RANGE, LogDistance, Rang
 from cooploc.estimators.particle_kernels import load_row, row_of
 from cooploc.estimators.particle_likelihood import ReceivedPackets, fill_rows, log_density
 from cooploc.estimators.particles import summary, weights
+from cooploc.estimators.robust import loss_of
 
 LEAST = -1e300  # below any logarithm of a density
 
@@ -124,7 +125,7 @@ def weigh(sensor: Sensor, sent: Mixture, z: Array, x: Array, logw: Array) -> Arr
 
     `sent` (r, n, K) are the senders' beliefs; z is nan where there is none.
     """
-    if type(sensor) not in (LogDistance, Range):
+    if type(sensor) not in (LogDistance, Range) or loss_of(sensor) != "none":
         return weigh_reference(sensor, sent, z, x, logw)
     return fill_rows(add_mixture_rows, x, logw, ReceivedPackets(sensor, sent.pack(), z[..., 0], True).for_loop())
 
@@ -137,7 +138,9 @@ def weigh_reference(sensor: Sensor, sent: Mixture, z: Array, x: Array, logw: Arr
         if len(rows):
             w, m, P = (part[rows, None, j] for part in sent)  # (p, 1, K, ...)
             y, _, J = sensor.innovation(x[rows, :, None], m, z[rows, None, None, j])
-            logw[rows] += _log_sum(w, log_density(y, J @ P @ J.mT + sensor.R), np.asarray(np.isnan(y).any(-1)))
+            logw[rows] += _log_sum(
+                w, log_density(y, J @ P @ J.mT + sensor.R, loss_of(sensor)), np.asarray(np.isnan(y).any(-1))
+            )
     return logw
 
 

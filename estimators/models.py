@@ -15,6 +15,7 @@ from cooploc.estimators.compiled import strict_kernel
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import TOO_NEAR_TO_RANGE as TOO_NEAR_TO_RANGE
 from cooploc.estimators.interface import Array, Senses, Sensor, World
+from cooploc.estimators.robust import AssumedLoss, Loss
 
 
 def wrap(angle: Array) -> Array:
@@ -69,6 +70,7 @@ class LogDistance:
     A: float = -40.0  # [dBm] at 1 m
     eta: float = 3.0  # path-loss exponent
     sigma: float = 5**0.5  # [dB] shadowing and fast noise together
+    loss: Loss = "none"
 
     @property
     def R(self) -> Array:
@@ -96,6 +98,7 @@ class Range:
     """Distance to a place [m]. Readings below 0.2 m are refused (nan)."""
 
     sigma: float = 0.1  # [m]
+    loss: Loss = "none"
 
     @property
     def R(self) -> Array:
@@ -125,6 +128,7 @@ class Bearing:
     """Direction of a place [rad], relative to the heading where the state has one, else to the x axis."""
 
     sigma: float = 0.02  # [rad]
+    loss: Loss = "none"
 
     @property
     def R(self) -> Array:
@@ -151,6 +155,7 @@ class Sighting:
 
     sigma_range: float = 0.15
     sigma_bearing: float = 0.02
+    loss: Loss = "none"
 
     @property
     def R(self) -> Array:
@@ -167,6 +172,7 @@ class Orientation:
     """A teammate's heading relative to the own [rad]; both states have headings."""
 
     sigma: float = 0.05  # [rad]
+    loss: Loss = "none"
 
     @property
     def R(self) -> Array:
@@ -311,6 +317,8 @@ class GradientDoa:
         a, b = self.sides
         corners: Array = np.array(self.corner) + np.array([[0, 0], [0, b], [a, b], [a, 0]])
         return corners
+
+    loss = property(lambda self: self.rssi.loss)
 
     @property
     def sigma(self) -> float:
@@ -459,6 +467,8 @@ class WeightedDoa:
 
     doa: GradientDoa
 
+    loss = property(lambda self: self.doa.loss)
+
     @property
     def R(self) -> Array:
         return np.eye(1)
@@ -495,6 +505,8 @@ class GradientReading:
 
     doa: GradientDoa
 
+    loss = property(lambda self: self.doa.loss)
+
     @property
     def R(self) -> Array:
         return np.diag((self.doa.rssi.sigma / np.array(self.doa.sides)) ** 2)
@@ -525,18 +537,21 @@ def fixed_readings(world: World, z: Senses, reading: AnchorReading) -> Iterator[
 LEAST, MOST = 0.01, 100.0  # of an inflation
 
 
-def inflate(world: World, factor: float) -> World:
-    """Return the world with every sensor's standard deviations multiplied by `factor`; at 1 it is the same object.
+def inflate(world: World, factor: float, loss: AssumedLoss = "world") -> World:
+    """Return the world with every sensor's standard deviations multiplied by `factor`, and with another `loss`.
 
-    A sensor that is not built in is inflated where it is a dataclass with fields whose names begin with "sigma".
+    It is the same object where nothing changes. A sensor that is not built in is inflated where it is a dataclass with
+    fields whose names begin with "sigma", and has a loss where it has such a field.
     """
-    if factor == 1:
+    if factor == 1 and loss == "world":
         return world
     sensors: dict[str, Any] = dict(world.sensors)
     for name, sensor in sensors.items():
         if is_dataclass(sensor) and not isinstance(sensor, type):
-            sigmas = [one.name for one in fields(sensor) if one.init and one.name.startswith("sigma")]
-            sensors[name] = replace(sensor, **{sigma: factor * getattr(sensor, sigma) for sigma in sigmas})
+            names = [one.name for one in fields(sensor) if one.init]
+            changed = {one: factor * getattr(sensor, one) for one in names if one.startswith("sigma")}
+            changed |= {"loss": loss} if "loss" in names and loss != "world" else {}
+            sensors[name] = replace(sensor, **changed)
     return replace(world, sensors=sensors)
 
 

@@ -12,6 +12,7 @@ from typing import ClassVar, Literal
 from cooploc.estimators import particles as shared
 from cooploc.estimators.interface import Array, Belief, Mail, Rows, Senses, World
 from cooploc.estimators.particle_likelihood import ReceivedPackets, pack
+from cooploc.estimators.robust import AssumedLoss
 from cooploc.estimators.tunable import tunable
 
 
@@ -48,6 +49,7 @@ class Mrsl:
     reading: shared.RadioReading = "rssi"
     neighbours: Literal["integrate", "exact"] = "integrate"
     neighbour_samples: Literal["one", "M"] = "one"
+    loss: AssumedLoss = "world"
 
     correct = shared.correct
     estimate = shared.estimate

@@ -18,6 +18,7 @@ from cooploc.estimators.particle_kernels import (
     add_teammate_rows,
     add_window_rows,
 )
+from cooploc.estimators.robust import Loss, loss_of, lost
 
 
 def pack(belief: Belief) -> Array:
@@ -34,9 +35,9 @@ def unpack(packet: Array) -> tuple[Array, Array]:
 Fixed = tuple[Sensor, Array, Array]  # sensor, place (2,) and readings (r, 1) of a fixed place, as of `World.fixed`
 
 
-def log_normal(y: Array, v: Array) -> Array:
-    """log N(y; 0, v) without its constant; 0 where the reading is absent."""
-    return np.where(np.isnan(y), 0.0, -0.5 * y**2 / v - 0.5 * np.log(v))
+def log_normal(y: Array, v: Array, loss: Loss = "none") -> Array:
+    """log N(y; 0, v), or that of a loss, without its constant; 0 where the reading is absent."""
+    return np.where(np.isnan(y), 0.0, -0.5 * lost(loss, y**2 / v, 1) - 0.5 * np.log(v))
 
 
 def anchors(fixed: Sequence[Fixed], x: Array, logw: Array) -> Array:
@@ -55,7 +56,7 @@ def anchor_readings(fixed: Sequence[Fixed], rows: int) -> tuple[Array, Array, fl
     if not fixed:
         return np.empty((0, 2)), np.empty((rows, 0)), 0.0, 0.0, 1.0
     sensor = fixed[0][0]
-    if type(sensor) is not LogDistance or any(other is not sensor for other, _, _ in fixed):
+    if type(sensor) is not LogDistance or sensor.loss != "none" or any(other is not sensor for other, _, _ in fixed):
         return None
     readings = np.concatenate([z for _, _, z in fixed], -1)
     return np.array([q for _, q, _ in fixed]), readings, sensor.A, _slope(sensor), 1 / sensor.sigma
@@ -65,7 +66,7 @@ def anchors_reference(fixed: Sequence[Fixed], x: Array, logw: Array) -> Array:
     """Compute `anchors` in numpy, for any scalar sensor."""
     for sensor, place, reading in fixed:
         y, _, _ = sensor.innovation(x, place, reading[:, None, :])
-        logw = logw + log_normal(y[..., 0], sensor.R[0, 0])
+        logw = logw + log_normal(y[..., 0], sensor.R[0, 0], loss_of(sensor))
     return logw
 
 
@@ -80,7 +81,7 @@ class ReceivedPackets(NamedTuple):
     @property
     def has_loop(self) -> bool:
         """Return whether there is a loop for this sensor."""
-        return type(self.sensor) in (LogDistance, Range)
+        return type(self.sensor) in (LogDistance, Range) and loss_of(self.sensor) == "none"
 
     def for_loop(self) -> tuple[Array, Array, bool, float, float, float, float]:
         """Return what that loop takes: packets and readings, whether they are ranges, A, slope, 1/sigma, and a gain.
@@ -116,7 +117,7 @@ def teammates_reference(heard: ReceivedPackets, x: Array, logw: Array) -> Array:
         if integrate:
             J = J[..., 0, :]  # (r, N, 2)
             v = v + ((J @ P_j) * J).sum(-1)
-        logw = logw + log_normal(y[..., 0], v)
+        logw = logw + log_normal(y[..., 0], v, loss_of(sensor))
     return logw
 
 
@@ -128,7 +129,7 @@ def window(
     Each is taken at the particle of x (r, N, d) shifted back along the path; `trail` (r, M, 2) is where the robot was
     then, seen from where it is now. The form is "exact", or a constant sigma with one of the residuals of `FORMS`.
     """
-    if form == "exact":
+    if form == "exact" or doa.loss != "none":
         return window_reference(doa, motion, x, logw, angles, trail, form, power)
     if type(motion) is not Displacement:  # particles are shifted here, one direction after the other
         still = np.zeros((len(x), 1, 2))
@@ -150,7 +151,10 @@ def window_reference(
         angle = angles[:, k, None]
         if not np.isnan(angle).all():
             there = motion.place(x, trail[:, None, k])
-            logw = logw + power * np.where(np.isnan(angle), 0.0, forms[form](there, angle))
+            log_density = forms[form](there, angle)
+            if form != "exact":  # that has a loss of its own: a direction says nothing at worst
+                log_density = -0.5 * lost(doa.loss, -2 * log_density, 1)
+            logw = logw + power * np.where(np.isnan(angle), 0.0, log_density)
     return logw
 
 
@@ -182,9 +186,9 @@ def _fold(g: Array) -> Array:
 
 def gradient(doa: GradientDoa, x: Array, logw: Array, g: Array) -> Array:
     """Add to `logw` (r, N) the log-density of a measured gradient g (r, 2) [dB/m], nan where absent."""
-    if type(doa.rssi) is not LogDistance:
+    if type(doa.rssi) is not LogDistance or doa.loss != "none":
         absent = np.isnan(g).any(-1, keepdims=True)
-        return logw + np.where(absent, 0.0, doa.log_gradient(x, g[:, None, :]))
+        return logw + np.where(absent, 0.0, -0.5 * lost(doa.loss, -2 * doa.log_gradient(x, g[:, None, :]), 2))
     slope, sigma = _slope(doa.rssi), float(doa.rssi.sigma)
     gradients = readable(g), np.array(doa.corner), np.array(doa.sides), slope, sigma
     return fill_rows(add_gradient_rows, x, logw, gradients)
@@ -208,12 +212,12 @@ def _slope(sensor: LogDistance) -> float:
     return float(5 * sensor.eta / np.log(10))
 
 
-def log_density(y: Array, S: Array) -> Array:
-    """log N(y; 0, S) without its constant, for y (..., k) of one or two numbers; 0 where any of them is absent."""
+def log_density(y: Array, S: Array, loss: Loss = "none") -> Array:
+    """log N(y; 0, S), or that of a loss, without its constant, y (..., k), k = 1 or 2; 0 where any of it is absent."""
     if y.shape[-1] == 1:
         distance, det = y[..., 0] ** 2 / S[..., 0, 0], S[..., 0, 0]
     else:
         a, b, c = S[..., 0, 0], S[..., 0, 1], S[..., 1, 1]
         det = a * c - b * b
         distance = (c * y[..., 0] ** 2 - 2 * b * y[..., 0] * y[..., 1] + a * y[..., 1] ** 2) / det
-    return np.where(np.isnan(y).any(-1), 0.0, -0.5 * (distance + np.log(det)))
+    return np.where(np.isnan(y).any(-1), 0.0, -0.5 * (lost(loss, distance, y.shape[-1]) + np.log(det)))

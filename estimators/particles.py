@@ -31,6 +31,7 @@ from cooploc.estimators.models import (
 )
 from cooploc.estimators.particle_kernels import BANDWIDTH, advance_rows, conclude_rows, systematic
 from cooploc.estimators.particle_likelihood import Fixed, ReceivedPackets, log_density, planes, teammates
+from cooploc.estimators.robust import loss_of
 
 
 def sample_prior(prior: Belief, key: Keys, n: int) -> Array:
@@ -253,6 +254,9 @@ PARAMETERS = """
             "best", the same around the particle of largest weight.
         box: half-width of that box [m], above 0.
         inflation: factor, 0.01 to 100, on the standard deviation that is assumed of every reading; 1: as told.
+        loss: the log-likelihood of a reading far from what is expected: Huber's ("huber") or that of Student's t
+            ("student") in place of the Gaussian's ("none"), or as the world's sensors state ("world"), in simulated
+            worlds "none". The exact density of a direction has none.
         precision: of particles and their weights, "double" or "single": half the memory and about half the time, with
             errors of rounding of a millionth of the distance from the origin; in an arena of at most 10 km.
 """
@@ -311,7 +315,7 @@ class FilterState(NamedTuple):
 
 def init(p: Any, prior: Belief, world: World, rows: Rows) -> FilterState:
     """Draw particles from the prior, with empty memories."""
-    world = inflate(world, p.inflation)
+    world = inflate(world, p.inflation, p.loss)
     if _anchor_kind(p, world) in ("doa", "gradient"):
         gradient_doa(world)
     reach = float(np.abs(world.arena).max())
@@ -396,7 +400,7 @@ def _weigh_by_landmarks(s: FilterState, z: Senses) -> FilterState:
     for sensor, place, reading in s.world.fixed(z):
         rows = np.flatnonzero(~np.isnan(reading).any(-1))
         y, _, _ = sensor.innovation(s.x[rows], place, reading[rows, None])
-        logw[rows] += log_density(y, sensor.R)
+        logw[rows] += log_density(y, sensor.R, loss_of(sensor))
     return s._replace(logw=logw, sent=None)
 
 

@@ -25,6 +25,7 @@ from cooploc.estimators.mixtures import Mixture, clusters
 from cooploc.estimators.models import LogDistance, Range, Sighting
 from cooploc.estimators.particle_kernels import systematic
 from cooploc.estimators.particles import poor, resample, scatter, summary, weights
+from cooploc.estimators.robust import AssumedLoss
 from cooploc.estimators.tunable import tunable
 
 TINY = 1e-300  # a weight that is 0 to all others
@@ -65,6 +66,7 @@ class ReciprocalPf:
     alpha: float = 0.06
     clusters: int = 4
     report: Literal["after", "before"] = "after"
+    loss: AssumedLoss = "world"
 
     uses = property(shared.team_channels)
     predict = shared.predict

@@ -27,6 +27,7 @@ from cooploc.estimators.models import (
     wrap,
     wrap_heading,
 )
+from cooploc.estimators.robust import AssumedLoss, loss_of, weights
 from cooploc.estimators.tunable import tunable
 
 Points = Callable[[Array, slice], Array]  # moves sigma points (t, s, .., d) of these trials, or reads a sensor there
@@ -63,6 +64,7 @@ class UkfJoint:
     reading: kalman.RadioReading = "range"
     alpha: float = tunable(0.1, 0.001, 1.0, log=True)
     beta: float = tunable(2.0, 0.0, 4.0)
+    loss: AssumedLoss = "world"
 
     uses = property(kalman.team_channels)
 
@@ -122,6 +124,9 @@ class UkfJoint:
             turns = np.full(len(sensor.R), isinstance(sensor, (Bearing, GradientDoa)))
         update = _update if self.engine == "batched" else _filterpy_update
         R = np.broadcast_to(np.where(absent[:, None, None], np.eye(R.shape[-1]), R), (len(s.x), *R.shape[-2:]))
+        if (loss := loss_of(sensor)) != "none":
+            y, S, *_ = _read(self, s, h, members, turns, R)
+            R = R + (1 / weights(loss, kalman.distance(y, S), y.shape[-1]) - 1)[:, None, None] * S
         x, P, d2, sound = update(self, s, h, members, turns, R)
         use = (~absent & sound & (d2 <= self.gate))[:, None, None]
         return s._replace(x=np.where(use, wrap_heading(x), s.x), P=np.where(use, P, s.P))
@@ -183,15 +188,24 @@ def _update(
 ) -> tuple[Array, Array, Array, Mask]:
     """P_xz' = C P^1/2', which needs the points of the robots in the reading only."""
     t, n, d = s.x.shape
+    scale, _, _ = _weights(p, n * d)
+    y, S, C, columns = _read(p, s, h, members, turns, R)
+    K = np.linalg.solve(S, C @ columns / np.sqrt(scale)).mT
+    x, P = s.x + (K @ y[..., None]).reshape(t, n, d), kalman.symmetric(s.P - K @ S @ K.mT)
+    return x, P, kalman.distance(y, S), _is_sound(C, S, R)
+
+
+def _read(
+    p: UkfJoint, s: State, h: Points, members: list[int], turns: Mask, R: Array
+) -> tuple[Array, Array, Array, Array]:
+    """Return y (t, k), S (t, k, k), C (t, k, m), and the columns of P^1/2 (t, m, m) times the root of the scale."""
+    t, n, d = s.x.shape
     scale, Wm, Wc = _weights(p, n * d)
     columns = _columns(s.P, scale)
     points = _points(s.x[:, members], columns.reshape(t, -1, n, d)[:, :, members])
     mean, off = _moments(h(points, slice(None)), Wm, turns)
-    y, C = _minus(np.zeros_like(mean), mean, turns), _whiten_cross(off, scale)
     S = kalman.symmetric((Wc[:, None] * off).mT @ off + R)
-    K = np.linalg.solve(S, C @ columns / np.sqrt(scale)).mT
-    x, P = s.x + (K @ y[..., None]).reshape(t, n, d), kalman.symmetric(s.P - K @ S @ K.mT)
-    return x, P, kalman.distance(y, S), _is_sound(C, S, R)
+    return _minus(np.zeros_like(mean), mean, turns), S, _whiten_cross(off, scale), columns
 
 
 def _filterpy(p: UkfJoint, s: State, i: int, turns: Mask) -> Any:

@@ -291,7 +291,13 @@ class TeamScenario(schema.Model):
         values = "; ".join(f"{name} {_text_of(value)}" for name, value in models.notes.items() if name != "fitted_on")
         weak = [f"run {log.name!r} {NO_ORDER}: {'; '.join(reasons)}"] * bool(reasons)
         fitted = f"models fitted on {models.notes['fitted_on']}: {values}"
-        return [*log.warnings, *weak, *(f"run {log.name!r}: {text}" for text in (self.judged_run.choice, fitted))]
+        said = [self.judged_run.choice, fitted]
+        if self._prior.position == "first truth":  # why a lone robot may err less than a team
+            sd = f"{self._prior.position_sd:g} m"
+            said.append(
+                f"robots start where they truly are, and filters are told to within {sd}: no odometry starts wrong"
+            )
+        return [*log.warnings, *weak, *(f"run {log.name!r}: {text}" for text in said)]
 
     def link_residuals(self) -> list[LinkResiduals]:
         """Return the residuals of the run after its models, where these were fitted and where they are judged."""

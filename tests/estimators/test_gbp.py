@@ -43,7 +43,7 @@ def _tree(seed):
 def test_on_a_linear_tree_it_becomes_the_exact_posterior_although_packets_are_lost(lost, rng):
     stream = _tree(seed=5)
     kept = rng.uniform(size=(60, 2, 4, 4)) >= lost
-    x, P = _settled(cl.make("gbp", window=TICKS + 1, huber=np.inf), stream, 60 if lost else 8, kept)
+    x, P = _settled(cl.make("gbp", window=TICKS + 1, loss="none"), stream, 60 if lost else 8, kept)
     for trial in range(2):
         mean, covariance = dense_posterior(stream, trial, TICKS - 1, relative=True)
         np.testing.assert_allclose(x[trial], mean, atol=1e-8)
@@ -52,7 +52,7 @@ def test_on_a_linear_tree_it_becomes_the_exact_posterior_although_packets_are_lo
 
 def test_on_a_linear_graph_with_loops_the_means_become_exact_and_covariances_too_small():
     _, stream = linear_team(seed=8, trials=2, robots=3, ticks=TICKS)
-    x, P = _settled(cl.make("gbp", window=TICKS + 1, huber=np.inf), stream, 300)
+    x, P = _settled(cl.make("gbp", window=TICKS + 1, loss="none"), stream, 300)
     for trial in range(2):
         mean, covariance = dense_posterior(stream, trial, TICKS - 1, relative=True)
         np.testing.assert_allclose(x[trial], mean, atol=1e-7)
@@ -67,14 +67,14 @@ def test_on_ranges_and_sightings_the_means_become_those_of_map_joint(label, roun
     """To a micrometre: both find the most probable window, and neither has lost a pose of it."""
     _, stream = cl.simulate(label, trials=5, seed=2)
     best = cl.make("map-joint", window=TICKS + 1, iterations=30, reading="range")
-    x, _ = _settled(cl.make("gbp", window=TICKS + 1, huber=np.inf), stream, rounds)
+    x, _ = _settled(cl.make("gbp", window=TICKS + 1, loss="none"), stream, rounds)
     np.testing.assert_allclose(x, cl.run({"map": best}, stream).traces["map"].x[:, -1], atol=1e-6)
 
 
 @pytest.mark.parametrize("window", [1, 4, 30])
 def test_alone_it_is_map_joint_for_any_window(window):
     _, stream = cl.simulate("robots-1-3/n=1[ticks=20,prior_sigma=0.1]", trials=3, seed=2)
-    gbp = cl.make("gbp", window=window, huber=np.inf, iterations=19)
+    gbp = cl.make("gbp", window=window, loss="none", iterations=19)
     run = cl.run({"gbp": gbp, "map": cl.make("map-joint", window=window, iterations=20)}, stream)
     np.testing.assert_allclose(run.traces["gbp"].x, run.traces["map"].x, atol=1e-9)
     np.testing.assert_allclose(run.traces["gbp"].P, run.traces["map"].P, atol=1e-9)
