@@ -10,7 +10,7 @@ No correlation can make the result over-confident, if the drift is at least the 
 2 n + n (2 n + 1) numbers of 8 bytes, before the tick's radio readings are used.
 
 Ours: CoLo takes headings from the truth, here each robot estimates its own; no robot knows where others start; the
-drift's variance grows with time, not with its square; a gate.
+drift's variance grows with time, not with its square; a gate; `period`.
 
 Source: T.-K. Chang, K. Chen, A. Mehta, "Resilient and consistent multirobot cooperative localization with covariance
 intersection", IEEE T-RO 38(1), 2022, and GS_CI in the authors' repository tsangkai/multirobot_localization.
@@ -22,7 +22,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from cooploc.estimators import kalman
-from cooploc.estimators.interface import Array, Belief, Indices, Mail, Rows, Senses, Sensor, World
+from cooploc.estimators.interface import Array, Belief, Indices, Mail, Mask, Rows, Senses, Sensor, World
 from cooploc.estimators.models import AnchorReading, fixed_readings, wrap_heading
 from cooploc.estimators.robust import AssumedLoss
 from cooploc.estimators.tunable import tunable
@@ -35,6 +35,7 @@ class State(NamedTuple):
     P: Array  # (r, D, D)
     own: Indices  # (r, d)  where its own pose is in x
     world: World
+    silent: Array  # (r,)  time since it last sent [s]
 
 
 @kalman.explain
@@ -46,6 +47,8 @@ class EkfGsCi:
         weight: of a robot's own estimate in an intersection, from 0.01 to 1; 1 ignores what is received. The default is
             that of the authors' code.
         drift: standard deviation [m] per axis of how far a teammate moves in a second; the variance grows with time.
+        period: least time [s] between two broadcasts. Each intersection shrinks its own knowledge by `weight`, so
+            that four teammates heard ten times a second leave nothing of it; 0 sends in every tick.
     """
 
     api: ClassVar[int] = 1
@@ -58,12 +61,13 @@ class EkfGsCi:
     reading: kalman.RadioReading = "range"
     weight: float = 0.8
     drift: float = 0.5
+    period: float = 0.0
     loss: AssumedLoss = "world"
 
     uses = property(kalman.team_channels)
 
     def __post_init__(self) -> None:
-        kalman.require_limits(self, weight=(0.01, 1), drift=(0, np.inf))
+        kalman.require_limits(self, weight=(0.01, 1), drift=(0, np.inf), period=(0, np.inf))
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
         """Start from the own prior; teammates are anywhere in the arena, until one of them is heard."""
@@ -72,7 +76,7 @@ class EkfGsCi:
         own = np.concatenate([2 * rows.robot[:, None] + [0, 1], np.full((r, d - 2), 2 * n)], 1)
         x = np.broadcast_to(np.tile(world.arena.mean(0), n + 1)[: 2 * n + d - 2], (r, 2 * n + d - 2)).copy()
         P = np.broadcast_to(np.diag(np.tile(_anywhere(world), n + 1)[: x.shape[1]]), (*x.shape, x.shape[1])).copy()
-        s = State(x, P, own, world)
+        s = State(x, P, own, world, np.full(r, np.inf))
         x[_pose_of(s)] = prior.x
         P[_block_of(s)] = prior.P
         return s
@@ -83,7 +87,7 @@ class EkfGsCi:
         drifts = np.diag((np.arange(s.x.shape[1]) < 2 * s.world.robots) * self.drift**2)
         x, F, Q = s.x.copy(), np.zeros_like(s.P) + np.eye(s.x.shape[1]), z.dt[:, None, None] * drifts
         x[_pose_of(s)], F[_block_of(s)], Q[_block_of(s)] = pose, F_i, Q_i
-        return s._replace(x=x, P=kalman.ENGINES[self.engine].predict(s.P, F, Q))
+        return s._replace(x=x, P=kalman.ENGINES[self.engine].predict(s.P, F, Q), silent=s.silent + z.dt)
 
     def correct(self, s: State, z: Senses) -> State:
         for sensor, place, reading in fixed_readings(s.world, z, self.anchor_reading):
@@ -94,11 +98,13 @@ class EkfGsCi:
     def send(self, s: State, z: Senses) -> Array:
         """Return the positions, and the upper triangle of their covariance."""
         m = 2 * s.world.robots
-        return kalman.Message(s.x[:, :m], (s.P[:, :m, :m],), z.sighting[:, :0]).pack()
+        packet = kalman.Message(s.x[:, :m], (s.P[:, :m, :m],), z.sighting[:, :0]).pack()
+        return np.where(self._is_due(s)[:, None], packet, np.nan)
 
     def fuse(self, s: State, z: Senses, mail: Mail) -> State:
         """Intersect with all that was heard; then use the readings of teammates, by then no longer anywhere."""
         s = self._intersect(s, kalman.Message.unpack(mail.packets, 2 * s.world.robots))
+        s = s._replace(silent=np.where(self._is_due(s), 0.0, s.silent))
         for sensor, j, reading in s.world.relative(z, mail):
             there = slice(2 * j, 2 * j + 2)
             known = np.diagonal(s.P[:, there, there], axis1=1, axis2=2).sum(-1) < _anywhere(s.world).sum() / 2
@@ -113,6 +119,11 @@ class EkfGsCi:
     def estimate(self, s: State) -> Belief:
         return Belief(wrap_heading(s.x[_pose_of(s)]), s.P[_block_of(s)])
 
+    def _is_due(self, s: State) -> Mask:
+        return s.silent > self.period - 1e-6
+
+    def _update(self, s: State, y: Array, H: Array, R: Array) -> State:
+        x, P = kalman.ENGINES[self.engine].update(s.x, s.P, y, H, R, self.gate)
     def _update(self, s: State, y: Array, H: Array, sensor: Sensor) -> State:
         y, H = kalman.soften(sensor, s.P, y, H)
         x, P = kalman.ENGINES[self.engine].update(s.x, s.P, y, H, sensor.R, self.gate)

@@ -26,6 +26,7 @@ SHORT = {r"\[density=exact,M=1,K=1.*\]": "", r"\[anchor_reading=doa\]": ""}
 REAL = (
     *("ekf-local", "ekf-naive", "ekf-ci", "ekf-event-ci", "ekf-split-ci", "ekf-split-ci[form=conservative]", "ekf-ici"),
     *("ekf-ici[form=fixed]", "ekf-hmd", "ekf-hmd[weight=0.8]", "ekf-gs-ci", "ekf-luft", "ekf-interim", "gbp"),
+    *("ekf-event-ci[threshold=0.01]", "ekf-gs-ci[period=10]"),
     *("ekf-joint", "iekf-joint", "ukf-joint"),
 )
 

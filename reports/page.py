@@ -57,7 +57,7 @@ def render(name: str, runs: str | Path, out: str | Path = "page.md", data: str =
         keep_trailing_newline=True, autoescape=False,
     )  # fmt: skip
     texts.globals.update(
-        **{name: getattr(study_numbers, name) for name in ("claims", "in_letter", "in_reading", "speed")},
+        **{name: getattr(study_numbers, name) for name in ("claims", "in_letter", "in_reading", "measured")},
         links=Path(os.path.relpath(REPORTS, out.resolve().parent)).as_posix(),
         study=cache(lambda study: study_numbers.StudyRun(runs / study)),
         tuned=cache(lambda study: study_numbers.order_when_tuned(runs / study)),

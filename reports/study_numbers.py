@@ -218,10 +218,10 @@ def in_reading(end: str, claim: str, scenario: str, **instead: str) -> tuple[Num
     return Number(*found[["value", "low", "high"]].astype(float)), levels
 
 
-def speed(what: str, decimals: int | None = None) -> str:
-    """Return of a line of reports/speed.md its median and range, or its median alone with so many decimals."""
-    for line in (REPORTS / "speed.md").read_text(encoding="utf-8").splitlines():
+def measured(what: str, decimals: int | None = None, page: str = "speed.md") -> str:
+    """Return of a line of a page in reports/ its first number and range, or the number alone with so many decimals."""
+    for line in (REPORTS / page).read_text(encoding="utf-8").splitlines():
         if line.startswith(f"| {what} | "):
-            median, spread = line.removeprefix(f"| {what} | ").split(" | ")[:2]
-            return f"{median} ({spread})" if decimals is None else f"{float(median):.{decimals}f}"
-    raise BadInput(f"reports/speed.md has no line {what!r}; make bench writes it")
+            number, *spread = line.removeprefix(f"| {what} | ").strip(" |").split(" | ")
+            return (f"{number} ({spread[0]})" if spread else number) if decimals is None else f"{float(number):.{decimals}f}"
+    raise BadInput(f"reports/{page} has no line {what!r}; make bench writes reports/speed.md")
