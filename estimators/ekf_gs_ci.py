@@ -122,8 +122,6 @@ class EkfGsCi:
     def _is_due(self, s: State) -> Mask:
         return s.silent > self.period - 1e-6
 
-    def _update(self, s: State, y: Array, H: Array, R: Array) -> State:
-        x, P = kalman.ENGINES[self.engine].update(s.x, s.P, y, H, R, self.gate)
     def _update(self, s: State, y: Array, H: Array, sensor: Sensor) -> State:
         y, H = kalman.soften(sensor, s.P, y, H)
         x, P = kalman.ENGINES[self.engine].update(s.x, s.P, y, H, sensor.R, self.gate)

@@ -148,8 +148,7 @@ class StudyRun:
 
     def _number(self, column: str, estimator: str, scenario: str, form: Format, unit: str = "") -> Number:
         row = self._row(estimator, scenario)
-        low, high = (row.get(f"{column}_{end}", np.nan) for end in ("low", "high"))
-        return Number(row[column], low, high, form, unit)
+        return Number(row[column], *(row.get(f"{column}_{end}", np.nan) for end in ("low", "high")), form, unit)
 
 
 def decided_by_more_trials(run: str | Path) -> dict[str, int | str]:
@@ -190,8 +189,8 @@ def order_when_tuned(run: str | Path) -> dict[str, Any]:
 
 def claims() -> dict[str, dict[str, Any]]:
     """Return of every claim of the paper how many specifications there are, and how many have each verdict."""
-    table = pd.read_csv(REPORTS / "readings" / "map.csv", dtype={"claim": str})
-    return {row["claim"]: row for row in table.to_dict("records")}
+    rows = pd.read_csv(REPORTS / "readings" / "map.csv", dtype={"claim": str}).to_dict("records")
+    return {row["claim"]: row for row in rows}
 
 
 def in_letter(claim: str, scenario: str, **instead: str) -> Number:
@@ -219,9 +218,10 @@ def in_reading(end: str, claim: str, scenario: str, **instead: str) -> tuple[Num
 
 
 def measured(what: str, decimals: int | None = None, page: str = "speed.md") -> str:
-    """Return of a line of a page in reports/ its first number and range, or the number alone with so many decimals."""
+    """Return of a line of a page its first number and range, or the number alone with so many decimals."""
     for line in (REPORTS / page).read_text(encoding="utf-8").splitlines():
         if line.startswith(f"| {what} | "):
             number, *spread = line.removeprefix(f"| {what} | ").strip(" |").split(" | ")
-            return (f"{number} ({spread[0]})" if spread else number) if decimals is None else f"{float(number):.{decimals}f}"
+            ranged = f"{number} ({spread[0]})" if spread else number
+            return ranged if decimals is None else f"{float(number):.{decimals}f}"
     raise BadInput(f"reports/{page} has no line {what!r}; make bench writes reports/speed.md")
