@@ -2,10 +2,8 @@
 
 Run: python reports/page.py TEXT RUNS OUT [--data DIR] [--draft]. RUNS is the folder of the run directories, each with
 the name of its study. A text takes its numbers from `study("NAME")` (study_numbers.py), and from the module of its own
-name, which also draws the page's figures. `{{ require(change.falls, "...") }}` writes nothing, and stops where the run
-shows something else; a draft, of runs of few trials, only marks it. Where OUT has the lines `<!-- TEXT: ... -->` and
-`<!-- end of TEXT -->`, only what is between them is written. A text of LaTeX becomes a PDF, which needs pdflatex and
-IEEEtran: apt-get install texlive-publishers.
+name, which also draws its figures. `{{ require(holds, "...") }}` stops where the run shows something else; a draft
+only marks it. Where OUT has the lines `<!-- TEXT: ... -->` and `<!-- end of TEXT -->`, what is between them is written.
 """
 
 import os
@@ -46,11 +44,7 @@ def escape_tex(text: object) -> str:
 
 
 def render(name: str, runs: str | Path, out: str | Path = "page.md", data: str = "", draft: bool = False) -> str:
-    """Return a text with its numbers, and draw its figures beside `out`.
-
-    `name` is that of a file in reports/text, with `.j2` or without `.md.j2`; `runs` is the folder of the run
-    directories, `data` that of the recordings.
-    """
+    """Return a text of reports/text (with `.j2`, or without `.md.j2`) with its numbers; draw figures beside `out`."""
     runs, out = Path(runs), Path(out)
     texts = Environment(
         loader=FileSystemLoader(TEXTS), undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True,
@@ -61,6 +55,7 @@ def render(name: str, runs: str | Path, out: str | Path = "page.md", data: str =
         links=Path(os.path.relpath(REPORTS, out.resolve().parent)).as_posix(),
         study=cache(lambda study: study_numbers.StudyRun(runs / study)),
         tuned=cache(lambda study: study_numbers.order_when_tuned(runs / study)),
+        preset_verdicts=lambda study: study_numbers.preset_verdicts(runs / study),
         decided_by_more_trials=lambda study: study_numbers.decided_by_more_trials(runs / study),
         require=partial(require, draft=draft),
         form=formats,
@@ -85,9 +80,8 @@ def put_between(page: str, name: str, text: str) -> str:
 
 def pipe(frame: pd.DataFrame) -> str:
     """Return a pipe table of texts."""
-    head = [str(column) for column in frame.columns]
-    lines = [head, ["---"] * len(head), *(list(map(str, row)) for row in frame.itertuples(index=False))]
-    return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
+    lines = [frame.columns, ["---"] * len(frame.columns), *frame.itertuples(index=False)]
+    return "\n".join(f"| {' | '.join(map(str, cells))} |" for cells in lines)
 
 
 def pipe_by_scenario(table: pd.DataFrame, texts: list[str]) -> str:

@@ -10,7 +10,7 @@ import pandas as pd
 
 import cooploc as cl
 from cooploc.analysis.claims import verdicts
-from cooploc.analysis.claims.ledger import load
+from cooploc.analysis.claims.ledger import BASE, load
 from cooploc.analysis.claims.verdicts import DECIDED, judge
 from cooploc.analysis.execution.run_directory import read_run
 from cooploc.analysis.formats import Format, count, interval, metres, percent, ratio
@@ -24,7 +24,6 @@ from cooploc.estimators.errors import BadInput
 
 REPORTS = Path(__file__).resolve().parent
 USUAL = 100  # trials of a study as shipped
-Pair = tuple[str, str]  # labels of a scenario and an estimator
 
 
 class Number(NamedTuple):
@@ -126,7 +125,7 @@ class StudyRun:
         """Return by how much an estimator's RMSE changes between scenarios, trials paired by their number."""
         return self._from_to((first, of), (later, of))
 
-    def _from_to(self, before: Pair, after: Pair) -> Number:
+    def _from_to(self, before: tuple[str, str], after: tuple[str, str]) -> Number:
         means = [trial_means(self._rows(estimator, label))[label, estimator] for label, estimator in (before, after)]
         both = pd.concat([one["mse"] for one in means], axis=1, join="inner").dropna()
         a, b = both.to_numpy(float).T
@@ -191,6 +190,13 @@ def claims() -> dict[str, dict[str, Any]]:
     """Return of every claim of the paper how many specifications there are, and how many have each verdict."""
     rows = pd.read_csv(REPORTS / "readings" / "map.csv", dtype={"claim": str}).to_dict("records")
     return {row["claim"]: row for row in rows}
+
+
+def preset_verdicts(run: str | Path) -> dict[str, tuple[str, str]]:
+    """Return what every claim says, and the verdict on it in the preset, by a run of the study `paper`."""
+    ledger = load()
+    found = verdicts.overview(judge(ledger, read_run(Path(run)).rows))[BASE]
+    return {claim.id: (claim.says, found[claim.id]) for claim in ledger.claims}
 
 
 def in_letter(claim: str, scenario: str, **instead: str) -> Number:
