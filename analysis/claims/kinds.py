@@ -324,6 +324,15 @@ def judge_cost(case: Case, claim: Claim, table: TrialTable) -> CaseVerdict:
     return found._replace(needed=found.needed * len(table.frame(key)) / len(logs))
 
 
+def judge_traffic(case: Case, claim: Claim, table: TrialTable) -> CaseVerdict:
+    """Judge by how much the bytes that `of` sends differ from those of `than`: supported up to 0; contradicted above."""
+    (scenario,), (than,) = case.scenarios, case.than
+    sent, other = (table.values("bytes", (scenario, name))[:, 0] for name in (case.of, than))
+    change = table.stopping.change(other**2, sent**2)  # of a root mean square, as errors are compared
+    zones: Zones = ("supported", -np.inf, 0.0), ("contradicted", 0.0, np.inf)
+    return decide(change, len(sent), zones, partial(table.stopping.p_of_change, other**2, sent**2))
+
+
 def _decide_contrast(values: Array, weights: Array, zones: Zones, table: TrialTable) -> CaseVerdict:
     """Return the verdict on a contrast of logarithms, which is then written as a relative change."""
     logs, n = table.stopping.log_contrast(values, weights), len(values)
@@ -414,5 +423,8 @@ KINDS = {
     "cost": Kind(
         judge_cost, "each", {"of", "than", "scenarios"}, _SIZED,
         "{of} takes {} [more/less] time than {than}", over=_PARTS,
+    ),
+    "traffic": Kind(
+        judge_traffic, "each", {"of", "than", "scenarios"}, set(), "{of} sends {} [more/less] bytes than {than}"
     ),
 }  # fmt: skip
