@@ -328,9 +328,9 @@ def judge_traffic(case: Case, claim: Claim, table: TrialTable) -> CaseVerdict:
     """Judge by how much the bytes that `of` sends differ from those of `than`: supported up to 0; contradicted above."""
     (scenario,), (than,) = case.scenarios, case.than
     sent, other = (table.values("bytes", (scenario, name))[:, 0] for name in (case.of, than))
-    change = table.stopping.change(other**2, sent**2)  # of a root mean square, as errors are compared
+    values = other**2, sent**2  # `change` is of their roots
     zones: Zones = ("supported", -np.inf, 0.0), ("contradicted", 0.0, np.inf)
-    return decide(change, len(sent), zones, partial(table.stopping.p_of_change, other**2, sent**2))
+    return decide(table.stopping.change(*values), len(sent), zones, partial(table.stopping.p_of_change, *values))
 
 
 def _decide_contrast(values: Array, weights: Array, zones: Zones, table: TrialTable) -> CaseVerdict:

@@ -76,6 +76,11 @@ def with_covariances(anees, coverage):
     return errors({"s": {"a": 1.0}}).assign(anees=anees * spread, coverage95=coverage * spread**0.1)
 
 
+def sending(byte_count):
+    table = two(1.0)
+    return table.assign(bytes=np.where(table["estimator"] == "a", byte_count, 48.0))
+
+
 def timed(power, level=1e-4, sizes=(1, 3, 10, 30, 100)):
     """Rows of `a` and `b`, whose seconds grow with a power of the team's size; each trial is a part of the run."""
     rng, frames = np.random.default_rng(1), []
@@ -95,6 +100,7 @@ TIME = {"kind": "time", "of": "a", "scenarios": "s/n=3", "size": 1.0}
 INTERACTION = {"kind": "interaction", "of": "a", "than": "b", "scenarios": ["s/d=0", "s/d=1"]}
 SLOPE = {"kind": "slope", "of": "a", "scenarios": "s/n={1..100}", "size": 1.0, "margin": 0.1}
 COST = {"kind": "cost", "of": "a", "than": "b", "scenarios": "s/n=3"}
+TRAFFIC = {"kind": "traffic", "of": "a", "than": "b", "scenarios": "s"}
 
 
 @pytest.mark.parametrize(
@@ -131,6 +137,9 @@ COST = {"kind": "cost", "of": "a", "than": "b", "scenarios": "s/n=3"}
         (SLOPE, timed(2.0), "contradicted", 2.0),
         (COST, timed(1, 5e-5, sizes=(3,)), "supported", -0.5),
         (COST, timed(1, 2e-4, sizes=(3,)), "contradicted", 1.0),
+        (TRAFFIC, sending(24), "supported", -0.5),
+        (TRAFFIC, sending(48), "supported", 0.0),
+        (TRAFFIC, sending(96), "contradicted", 1.0),
     ],
 )
 def test_every_kind_reaches_its_verdicts(claim, table, expected, value):
@@ -318,7 +327,7 @@ def test_a_ledger_that_is_not_there_or_not_toml_is_refused(tmp_path):
 
 def test_the_papers_ledger_names_what_exists():
     made = load()
-    assert {claim.id.rstrip("bc") for claim in made.claims} == {str(k) for k in range(1, 26)}
+    assert {claim.id.rstrip("bc") for claim in made.claims} == {str(k) for k in range(1, 29)}
     for claim in made.claims:
         assert claim.quote
         for _, read_ in variants(claim, made):
