@@ -149,16 +149,16 @@ def wait_for(owner: str, future: "Future[Outcome]", seconds: float = float("inf"
 
 
 def pool(owner: str, jobs: int = 1) -> Executor:
-    """Return an owner's processes: those of its last call, or new ones where a source file was edited since."""
+    """Return an owner's processes: those of its last call, or new ones."""
     from loky import ProcessPoolExecutor
 
-    key, now = (os.getpid(), owner, jobs), _source_times()
-    if key in _pools and any(now.get(file, at) != at for file, at in _pools[key][1].items()):
-        end(owner)
+    key = os.getpid(), owner, jobs
+    if owner != BUILTIN:
+        end_if_edited(owner)
     if key not in _pools:
         Finalize(None, end_all, exitpriority=100)  # else a process that was itself forked would wait for them
         begin = {"initializer": _begin_worker, "initargs": (os.getpid(), owner != BUILTIN)}
-        _pools[key] = ProcessPoolExecutor(jobs, timeout=IDLE, env=ENVIRONMENT, **begin), now
+        _pools[key] = ProcessPoolExecutor(jobs, timeout=IDLE, env=ENVIRONMENT, **begin), _source_times()
         resource_tracker.ensure_running()  # loky needs it; as it starts, it lets Ctrl-C in again
         # Processes that are started here never see Ctrl-C, not even as they import; in this one it waits until then.
         before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
@@ -167,6 +167,14 @@ def pool(owner: str, jobs: int = 1) -> Executor:
         finally:
             signal.pthread_sigmask(signal.SIG_SETMASK, before)
     return _pools[key][0]
+
+
+def end_if_edited(owner: str) -> None:
+    """End an owner's processes where a source file was edited since they began, so that new ones import it anew."""
+    now = _source_times()
+    for times in [times for key, (_, times) in _pools.items() if key[:2] == (os.getpid(), owner)]:
+        if any(now.get(file, at) != at for file, at in times.items()):
+            end(owner)
 
 
 def end(owner: str) -> None:

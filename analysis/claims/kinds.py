@@ -325,7 +325,7 @@ def judge_cost(case: Case, claim: Claim, table: TrialTable) -> CaseVerdict:
 
 
 def judge_traffic(case: Case, claim: Claim, table: TrialTable) -> CaseVerdict:
-    """Judge by how much the bytes that `of` sends differ from those of `than`: supported up to 0; contradicted above."""
+    """Judge by how much the bytes sent by `of` differ from those of `than`: supported up to 0; contradicted above."""
     (scenario,), (than,) = case.scenarios, case.than
     sent, other = (table.values("bytes", (scenario, name))[:, 0] for name in (case.of, than))
     values = other**2, sent**2  # `change` is of their roots

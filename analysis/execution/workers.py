@@ -50,6 +50,7 @@ from cooploc.scenarios.process import (
     cause_of,
     end,
     end_all,
+    end_if_edited,
     limit_time,
     place_of,
     submit,
@@ -220,6 +221,7 @@ def make_workers(
         raise BadInput(f"--no-isolate keeps everything in one process, and {other} asks for others: leave one out")
 
     def compute_here(tasks: list[Task]) -> Iterator[MeasuredPart]:
+        end_if_edited(BUILTIN)  # between two runs of one Python process; not in a run, whose code is of its beginning
         if isolate:
             compile_kernels(tasks, jobs, compiling)
         yield from compute_in_parallel(LocalProcesses(jobs), tasks) if jobs > 1 else chain(*map(measure, tasks))

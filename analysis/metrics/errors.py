@@ -261,8 +261,8 @@ def is_offline(errors: pd.DataFrame) -> "pd.Series[bool]":
 def trial_means(errors: pd.DataFrame) -> dict[tuple[str, str], pd.DataFrame]:
     """Return one row per trial that succeeded, by (scenario, estimator): means over robots, weighted by ticks.
 
-    `MEASURES` says of which numbers every robot counts the same, as `bytes` do. `seconds`, `robots` and `stream` are those of the
-    trial. A cell whose trials all failed has no rows.
+    `MEASURES` says of which numbers every robot counts the same, as `bytes` do. `seconds`, `robots` and `stream` are
+    those of the trial. A cell whose trials all failed has no rows.
     """
     ended = drop_failed(errors)
     by_ticks, by_robots = ([name for name, one in MEASURES.items() if one.mean == how] for how in ("ticks", "robots"))

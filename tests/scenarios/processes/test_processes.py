@@ -1,6 +1,7 @@
 """Processes of their own, and limits of time: what happens there stays there, and a trial is late after one limit."""
 
 import contextlib
+import importlib
 import os
 import signal
 import time
@@ -10,7 +11,18 @@ import pytest
 
 import cooploc as cl
 from cooploc.estimators.dead_reckoning import DeadReckoning
-from cooploc.scenarios.process import Outcome, ProcessDied, ProcessHung, WorkerError, call, end, limit_time
+from cooploc.scenarios.process import (
+    BUILTIN,
+    Outcome,
+    ProcessDied,
+    ProcessHung,
+    WorkerError,
+    call,
+    end,
+    end_if_edited,
+    limit_time,
+    submit,
+)
 
 
 def run_late(limit, seconds, calls, trials):
@@ -63,6 +75,20 @@ def test_a_process_that_ends_or_hangs_is_an_error_and_the_next_call_has_another(
     assert signal.SIGINT in call("test", signal.pthread_sigmask, signal.SIG_BLOCK, [])  # no Ctrl-C while it starts
     assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, [])
     end("test")
+
+
+@pytest.mark.slow
+def test_a_file_edited_while_a_run_goes_on_leaves_its_processes_alone_until_it_is_over(tmp_path, monkeypatch):
+    (tmp_path / "of_mine.py").write_text("")
+    monkeypatch.syspath_prepend(tmp_path)
+    importlib.import_module("of_mine")
+    working = submit(BUILTIN, 1, time.sleep, 1.0)
+    os.utime(tmp_path / "of_mine.py", (0, 0))
+    pid = submit(BUILTIN, 1, os.getpid).result().unpack()
+    assert working.result().unpack() is None
+    end_if_edited(BUILTIN)
+    assert submit(BUILTIN, 1, os.getpid).result().unpack() != pid
+    end(BUILTIN)
 
 
 def careless(does):
