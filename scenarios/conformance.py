@@ -10,11 +10,11 @@ Modelled on scikit-learn's check_estimator and PettingZoo's API tests.
 import pickle
 import random
 import re
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+import textwrap
+from collections.abc import Callable
 from dataclasses import dataclass, fields, is_dataclass, replace
-from functools import cache, cached_property, partial
-from typing import Any, Literal, NamedTuple, NoReturn
+from functools import cached_property
+from typing import Any, NamedTuple
 
 import cloudpickle
 import numpy as np
@@ -27,7 +27,7 @@ from cooploc.estimators.registry import refusal, shorten_labels, traits
 from cooploc.scenarios import simulate
 from cooploc.scenarios.display import list_table
 from cooploc.scenarios.process import PLUGINS, SESSION, WorkerError, call
-from cooploc.scenarios.runner.run import label_of, make_instance
+from cooploc.scenarios.runner.run import label_of, make_instance, missing_methods
 from cooploc.scenarios.runner.tick import (
     SENSED,
     EstimatorError,
@@ -53,8 +53,6 @@ _CAMERA: dict[str, Any] = {**_RADIO, "sight": 8.0, "view": 1.5}  # wide view: ev
 SCENARIOS = {"robots-1-3/n=3": _RADIO, "robots-1-3/n=1": _RADIO, "camera/n=3": _CAMERA, "camera/n=1": _CAMERA}
 HEADED = "no-compass/n=3"  # for covariances of headings, where none of the others that fit has one
 
-Status = Literal["passed", "failed", "skipped"]
-
 
 class CheckFailed(Exception):
     """A fault: one sentence with its place, and a remedy where the check's own does not fit."""
@@ -73,11 +71,17 @@ class Result:
     """The outcome of one check."""
 
     check: str
-    status: Status
+    status: str  # "passed", "failed" or "skipped"
     detail: str  # what was tried and seen, and of a failure where; of a skipped check the reason
     seed: int
     remedy: str = ""  # of a failure, what to change
     exempt: str = ""  # of a check that passed in part, what it left out and why
+
+    def sentences(self) -> list[str]:
+        """Return what was found, and of a failure its seed and its remedy."""
+        if self.status != "failed":
+            return [self.detail]
+        return [f"{self.detail} (seed {self.seed})", *([f"to fix it: {self.remedy}"] if self.remedy else [])]
 
 
 @dataclass(frozen=True, repr=False)
@@ -90,55 +94,43 @@ class Report:
     @property
     def passed(self) -> bool:
         """Whether some checks ran, and none failed."""
-        return self.ran > 0 and self.count("failed") == 0
+        return self.ran > 0 and all(r.status != "failed" for r in self.results)
 
     @property
     def ran(self) -> int:
         """The number of checks that ran."""
-        return len(self.results) - self.count("skipped")
-
-    def count(self, status: Status) -> int:
-        """Return how many checks ended so."""
-        return sum(r.status == status for r in self.results)
+        return sum(r.status != "skipped" for r in self.results)
 
     def __getitem__(self, check: str) -> Result:
         return {r.check: r for r in self.results}[check]
 
-    def table(self) -> str:
-        """Return the results as aligned text: a line for each check, and after a failure its remedy."""
-        width = max((len(r.check) for r in self.results), default=0)
-        indent = "\n" + " " * (width + 11)
-        lines = [f"{r.check:{width}}  {r.status:7}  {indent.join(sentences(r))}" for r in self.results]
+    def table(self, width: int = 120) -> str:
+        """Return the results as aligned text of so many columns: each check, and after a failure its remedy."""
+        first = max((len(r.check) for r in self.results), default=0)
+        lines = []
+        for r in self.results:
+            texts = [line for text in r.sentences() for line in textwrap.wrap(text, max(20, width - first - 11))]
+            lines.append(f"{r.check:{first}}  {r.status:7}  " + f"\n{'':{first + 11}}".join(texts))
         return "\n".join([*lines, self.summary()])
 
     def summary(self) -> str:
         """Say how many of the checks passed, failed and were skipped."""
-        passed, of = self.count("passed"), len(self.results)
+        ended, of = [r.status for r in self.results], len(self.results)
+        passed = ended.count("passed")
         parts = [f"{passed} of {of} checks passed" if passed < of else f"{of} checks passed"]
-        parts += [f"{self.count(status)} {status}" for status in ("failed", "skipped") if self.count(status)]
+        parts += [f"{ended.count(status)} {status}" for status in ("failed", "skipped") if status in ended]
         return f"{shorten_labels(self.name)}: {', '.join(parts)}"
 
     def __repr__(self) -> str:
         return f"Report({self.summary()!r})"
 
     def _repr_html_(self) -> str:
-        rows = [(r.check, r.status, "; ".join(sentences(r))) for r in self.results]
+        rows = [(r.check, r.status, "; ".join(r.sentences())) for r in self.results]
         return list_table(("check", "result", "what was found"), self.summary(), rows)
 
 
-def sentences(result: Result) -> list[str]:
-    """Return what was found, and of a failure its seed and its remedy."""
-    if result.status != "failed":
-        return [result.detail]
-    return [f"{result.detail} (seed {result.seed})", *([f"to fix it: {result.remedy}"] if result.remedy else [])]
-
-
 def check_estimator(
-    estimator: Any,
-    name: str | None = None,
-    seed: int = 0,
-    isolate: bool = True,
-    time_limit: float = TIME_LIMIT,
+    estimator: Any, name: str | None = None, seed: int = 0, isolate: bool = True, time_limit: float = TIME_LIMIT
 ) -> Report:
     """Run every check on an estimator: it may neither cheat nor break the interface.
 
@@ -158,69 +150,45 @@ def check_estimator(
             the estimator raises while it runs is a failure in the report.
 
     """
+    name = name or label_of(estimator)
     if not isolate or is_builtin(estimator):
         return _check_here(estimator, name, seed)
+    owner = PLUGINS if isinstance(estimator, str) else SESSION  # a file's neighbours are not those of an object
     try:
-        owner = PLUGINS if isinstance(estimator, str) else SESSION  # a file's neighbours are not those of an object
         report: Report = call(owner, _check_here, estimator, name, seed, seconds=time_limit)
         return report
     except (WorkerError, MemoryError) as e:
         why = str(e) if isinstance(e, WorkerError) else one_line(e)
         failed = Result("runs", "failed", why, seed, "cooploc check --no-isolate, in a debugger, shows where")
-        others = (Result(check.name, "skipped", FIRST["runs"], seed) for check in CHECKS[1:])
-        return Report(name or label_of(estimator), (failed, *others))
+        others = (Result(check, "skipped", FIRST["runs"], seed) for check in CHECKS if check != "runs")
+        return Report(name, (failed, *others))
 
 
-def _check_here(estimator: Any, name: str | None, seed: int) -> Report:
+def _check_here(estimator: Any, name: str, seed: int) -> Report:
     """Run the checks in this process; after a failure of one of `FIRST`, no other means anything."""
-    harness, results, reason = Harness(name or label_of(estimator), make_instance(estimator), seed), list[Result](), ""
+    harness, results, reason = Harness(name, make_instance(estimator), seed), list[Result](), ""
     for check in CHECKS:
-        results.append(Result(check.name, "skipped", reason, seed) if reason else run_check(check, harness))
-        reason = reason or (FIRST.get(check.name, "") if results[-1].status == "failed" else "")
-    return Report(harness.name, tuple(results))
+        results.append(Result(check, "skipped", reason, seed) if reason else run_check(check, harness))
+        reason = reason or (FIRST.get(check, "") if results[-1].status == "failed" else "")
+    return Report(name, tuple(results))
 
 
-def run_check(check: "Check", harness: "Harness") -> Result:
+def run_check(name: str, harness: "Harness") -> Result:
     """Run one check; whatever the estimator raises is a failure."""
-    result = partial(Result, check.name, seed=harness.seed)
-    before = harness.runs
+    check, before = CHECKS[name], harness.runs
     try:
-        detail = f"{check.run(harness)} ({harness.runs - before} runs)"
+        detail = f"{check(harness)} ({harness.runs - before} runs)"
         axes, mutable = harness.traits.axes, harness.traits.mutable
         exempt = {"equivariance": axes and f"axes: {axes}", "immutability": "mutable: its state changes" * mutable}
-        return result("passed", detail, exempt=exempt.get(check.name, ""))
+        return Result(name, "passed", detail, harness.seed, exempt=exempt.get(name, ""))
     except CheckSkipped as e:
-        return result("skipped", str(e))
+        return Result(name, "skipped", str(e), harness.seed)
     except CheckFailed as e:
-        return result("failed", str(e), remedy=e.remedy or check.remedy)
+        return Result(name, "failed", str(e), harness.seed, e.remedy or REMEDIES[check])
     except BadInput:
         raise
     except (Exception, SystemExit, GeneratorExit) as e:
-        return result("failed", one_line(e), remedy=check.remedy)
-
-
-def parametrize(*estimators: Any, seed: int = 0) -> Any:
-    """Return a pytest mark that makes a test of every check on every estimator; the test calls what it is given.
-
-    @parametrize(MyFilter())
-    def test_it_conforms(check):
-        check()
-    """
-    import pytest
-
-    def assert_passed(report: Callable[[], Report], check: str) -> None:
-        result = report()[check]
-        if result.status == "skipped":
-            pytest.skip(result.detail)
-        if result.status == "failed":
-            pytest.fail("\n".join(sentences(result)), pytrace=False)
-
-    cases = []
-    for estimator in estimators:
-        report = cache(partial(check_estimator, estimator, seed=seed))  # made when the first of its tests runs
-        name = type(estimator).__name__
-        cases += [pytest.param(partial(assert_passed, report, c.name), id=f"{name}-{c.name}") for c in CHECKS]
-    return pytest.mark.parametrize("check", cases)
+        return Result(name, "failed", one_line(e), harness.seed, REMEDIES[check])
 
 
 def one_line(e: BaseException) -> str:
@@ -248,8 +216,9 @@ class RunRecord(NamedTuple):
 class Harness:
     """An estimator, the small streams that it can run on, and how it ran on them."""
 
-    def __init__(self, name: str, estimator: Any, seed: int, ticks: int | None = None) -> None:
-        self.name, self.estimator, self.seed, self.ticks = name, estimator, seed, ticks
+    def __init__(self, name: str, estimator: Any, seed: int, ticks: int = 0) -> None:
+        self.name, self.estimator, self.seed = name, estimator, seed
+        self.changed = {"ticks": ticks} if ticks else {}
         self.traits = traits(estimator) if not isinstance(estimator, type) else traits(None)
         self.centralised = self.traits.team and self.traits.centralised  # only a team estimator can be
         self.runs = 0
@@ -262,24 +231,25 @@ class Harness:
     @cached_property
     def deterministic(self) -> bool:
         """Whether its keys, the only randomness that is allowed, make no difference."""
-        others = (self.run(replace(s, seed=s.seed + 1), "rows.key was different").trace for s, _ in self.cases)
-        bases = (base.trace for _, base in self.cases)
-        return all(np.array_equal(a.x, b.x) and np.array_equal(a.P, b.P) for a, b in zip(bases, others, strict=True))
+        for stream, base in self.cases:
+            other = self.run(replace(stream, seed=stream.seed + 1), "rows.key was different").trace
+            if not (np.array_equal(base.trace.x, other.x) and np.array_equal(base.trace.P, other.P)):
+                return False
+        return True
 
     @cached_property
     def streams(self) -> list[Stream]:
         """The small streams that have what the estimator declares, some of their readings absent."""
         fitting, reasons = [], []
         for label, overrides in SCENARIOS.items():
-            changed = overrides if self.ticks is None else {**overrides, "ticks": self.ticks}
-            stream = simulate(label, trials=TRIALS, seed=self.seed, **changed)[1]
+            stream = simulate(label, trials=TRIALS, seed=self.seed, **overrides | self.changed)[1]
             try:
                 visible(self.name, self.estimator, stream)
             except IncompatibleEstimator as e:
                 reasons.append(str(e))
-            else:
-                sparse = drop_readings(stream, self.rng)
-                fitting.append(replace(sparse, scenario=f"{stream.scenario}, some readings absent"))
+                continue
+            sparse = drop_readings(stream, self.rng)
+            fitting.append(replace(sparse, scenario=f"{stream.scenario}, some readings absent"))
         if not fitting:
             raise CheckFailed("; ".join(reasons[::2]))  # the scenarios come in pairs
         return fitting
@@ -294,9 +264,9 @@ class Harness:
         """The cases of more than one robot."""
         return [case for case in self.cases if case[0].robots > 1]
 
-    def channels(self, stream: Stream) -> set[str]:
-        """Return the channels of a stream that the estimator reads."""
-        return select_channels(self.name, tuple(self.estimator.uses), stream)
+    def arrays(self, stream: Stream) -> dict[str, str]:
+        """Return the channels of a stream that the estimator reads, each with its name in `Stream.arrays`."""
+        return {c: _name_of_array(c) for c in sorted(select_channels(self.name, self.estimator.uses, stream))}
 
     def run(self, stream: Stream, when: str, estimator: Any = None, watch: Watcher | None = None) -> RunRecord:
         """Run the estimator, or another in its place, on a stream; `when` names the variation: "no packet arrived"."""
@@ -309,8 +279,7 @@ class Harness:
             at = method, tick
             result = watch(method, tick, arguments, call) if watch else call(*arguments)
             if method == "send":
-                sent = np.array(result, float)
-                packets.append(np.where(np.isnan(sent), np.nan, sent).reshape(t, n, -1))  # one nan, whatever its bits
+                packets.append(np.array(result, float).reshape(t, n, -1))
             return result
 
         self.runs += 1
@@ -326,59 +295,47 @@ class Harness:
         return RunRecord(found, tuple(packets), stream)
 
     def require_same(
-        self, base: RunRecord, stream: Stream, when: str, robots: Mask | None = None, ticks: int | None = None
+        self, base: RunRecord, stream: Stream, when: str, robots: Mask | bool = True, ticks: int | None = None
     ) -> None:
         """Run on a variation of the stream; require the bits of `base`, of these robots and first ticks."""
         require_equal(base, self.run(stream, when), when, robots, ticks)
 
 
-def require_equal(a: RunRecord, b: RunRecord, when: str, robots: Mask | None = None, ticks: int | None = None) -> None:
+def require_equal(a: RunRecord, b: RunRecord, when: str, robots: Mask | bool = True, ticks: int | None = None) -> None:
     """Require that two runs are bitwise equal, for these robots (n,) and in the first ticks that both have."""
     (t, T, n), other = a.stream.senses.dt.shape, b.trace.x.shape[1]
     for k in range(min(T, other, ticks or T)):
-        pairs = {what: (getattr(a.trace, what)[:, k], getattr(b.trace, what)[:, k]) for what in ("x", "P")}
+        pairs = [("estimate", getattr(a.trace, what)[:, k], getattr(b.trace, what)[:, k]) for what in ("x", "P")]
         if a.packets and b.packets:
-            pairs["packet"] = a.packets[k], b.packets[k]
-        for what, (p, q) in pairs.items():
+            pairs.append(("packet", a.packets[k], b.packets[k]))
+        for thing, p, q in pairs:
             differs = np.ones((t, n), bool) if p.shape != q.shape else (_bits(p) != _bits(q)).reshape(t, n, -1).any(-1)
-            chosen = differs & (True if robots is None else robots)
-            if chosen.any():
+            bad = np.zeros((t, T, n), bool)
+            bad[:, k] = differs & robots
+            if bad.any():
                 with np.errstate(invalid="ignore"):
-                    by = float(np.abs(p - q).reshape(t, n, -1)[chosen].max()) if p.shape == q.shape else np.inf
-                trial, robot = map(int, np.argwhere(chosen)[0])
-                thing = "packet" if what == "packet" else "estimate"
+                    by = float(np.abs(p - q).reshape(t, n, -1)[bad[:, k]].max()) if p.shape == q.shape else np.inf
                 size = f"by {by:.1e}, which is rounding," if by < ROUNDING else f"by up to {by:.2g}"
                 size = size if np.isfinite(by) else "between a number and none"
-                fail_at((trial, k, robot), a.stream, f"'s {thing} changed {size} when {when}")
+                require_none(bad, a.stream, f"'s {thing} changed {size} when {when}")
 
 
 def _bits(a: Array) -> Any:
-    return np.ascontiguousarray(a).view(np.uint64)
+    return np.where(np.isnan(a), np.nan, a).view(np.uint64)  # one nan, whatever its bits
 
 
-def require_none(bad: Mask, stream: Stream, fault: str) -> None:
-    """Require that `bad` (t, T, n) holds nowhere."""
+def require_none(bad: Mask, stream: Stream, fault: str, remedy: str = "") -> None:
+    """Require that `bad` (t, T, n) holds nowhere; else name the robot, its fault, and the first place in time."""
     if bad.any():
-        fail_at(earliest(bad), stream, fault)
-
-
-def earliest(bad: Mask) -> tuple[int, int, int]:
-    """Return the trial's index, tick and robot where `bad` (t, T, n) holds first in time."""
-    tick, trial, robot = map(int, np.argwhere(bad.swapaxes(0, 1))[0])
-    return trial, tick, robot
-
-
-def fail_at(where: tuple[int, int, int], stream: Stream, fault: str, remedy: str = "") -> NoReturn:
-    """Fail with the robot, its `fault`, and the place."""
-    trial, tick, robot = where
-    raise CheckFailed(f"robot {robot}{fault}: {stream.scenario!r}, trial {stream.trial[trial]}, tick {tick}", remedy)
+        tick, trial, robot = map(int, np.argwhere(bad.swapaxes(0, 1))[0])
+        place = f"{stream.scenario!r}, trial {stream.trial[trial]}, tick {tick}"
+        raise CheckFailed(f"robot {robot}{fault}: {place}", remedy)
 
 
 # Variations of a stream. Hidden readings find what perturbed ones cannot: an estimator that branches on whether *any*
 # robot sensed something.
 
-Mode = Literal["perturbed", "hidden"]
-MODES: tuple[Mode, Mode] = ("perturbed", "hidden")
+MODES = ("perturbed", "hidden")
 # Perturbed where others are hidden: a filter can do without a correction, but hardly without a prior or a clock.
 NEVER_HIDDEN = ("prior.x", "prior.P", "senses.dt", "senses.odometry")
 SHIFT = np.array([3.0, -7.0])  # [m]
@@ -397,19 +354,22 @@ def hide(stream: Stream, *names: str) -> Stream:
     return stream.replace_arrays({name: np.full_like(stream.arrays()[name], np.nan) for name in names})
 
 
+def _can_be_absent(stream: Stream) -> dict[str, Array]:
+    """Return the arrays of a stream that a filter can do without."""
+    return {name: array for name, array in stream.arrays().items() if name not in (*NEVER_HIDDEN, "air.link")}
+
+
 def drop_readings(stream: Stream, rng: np.random.Generator) -> Stream:
     """Hide two in five readings in every third tick, and all in tick 4: the checks need absent readings."""
-    tick = np.arange(len(stream.time))[None, :, None, None]
-    changed = {}
-    for name, array in stream.arrays().items():
-        if name not in (*NEVER_HIDDEN, "air.link"):
-            gone = (tick % 3 == 1) & (rng.uniform(size=array.shape[:4]) < 0.4) | (tick == 4)
-            changed[name] = np.where(_expand(gone, array), np.nan, array)
+    tick, changed = np.arange(len(stream.time))[None, :, None, None], {}
+    for name, array in _can_be_absent(stream).items():
+        gone = (tick % 3 == 1) & (rng.uniform(size=array.shape[:4]) < 0.4) | (tick == 4)
+        changed[name] = np.where(_expand(gone, array), np.nan, array)
     return stream.replace_arrays(changed)
 
 
 def perturb_readings(
-    stream: Stream, mode: Mode, rng: np.random.Generator, robot: int | None = None, since: int = 0
+    stream: Stream, mode: str, rng: np.random.Generator, robot: int | None = None, since: int = 0
 ) -> Stream:
     """Perturb or hide what `robot` (None: every robot) senses from tick `since` on, and with since=0 its prior too."""
     robots = np.ones(stream.robots, bool) if robot is None else np.arange(stream.robots) == robot
@@ -422,7 +382,7 @@ def perturb_readings(
     return stream.replace_arrays(changed)
 
 
-def _perturb(name: str, array: Array, mode: Mode, rng: np.random.Generator) -> Array:
+def _perturb(name: str, array: Array, mode: str, rng: np.random.Generator) -> Array:
     """Return other readings: no negative distances and no angles beyond pi, as no sensor reads them."""
     if mode == "hidden" and name not in NEVER_HIDDEN:
         return np.full_like(array, np.nan)
@@ -442,25 +402,11 @@ def drop_packets(stream: Stream, sender: int | None = None, since: int = 0) -> S
     return stream.replace_arrays({"air.link": link})
 
 
-def perturb_links(stream: Stream, mode: Mode, rng: np.random.Generator, since: int) -> Stream:
-    """Draw the links from tick `since` on again, or cut them all."""
-    if mode == "hidden":
-        return drop_packets(stream, since=since)
-    link: Any = stream.air.link.copy()
-    link[:, since:] = (rng.uniform(size=link[:, since:].shape) < 0.5) & ~np.eye(stream.robots, dtype=bool)
-    return stream.replace_arrays({"air.link": link})
-
-
-def perturb_dropped_radio(stream: Stream, mode: Mode, rng: np.random.Generator) -> Stream:
+def perturb_dropped_radio(stream: Stream, mode: str, rng: np.random.Generator) -> Stream:
     """Perturb or hide the radio readings of packets that did not arrive."""
-    names = [name for name in ("air.rssi", "air.range") if stream.arrays()[name].shape[-1]]
-    changed = {name: _perturb(name, stream.arrays()[name], mode, rng) for name in names}
-    return stream.replace_arrays({k: np.where(stream.air.link, stream.arrays()[k], a) for k, a in changed.items()})
-
-
-def only_odometry(stream: Stream) -> Stream:
-    """Hide every reading but odometry, and drop every packet."""
-    return drop_packets(hide(stream, *(name for name in stream.arrays() if name not in (*NEVER_HIDDEN, "air.link"))))
+    read = {name: a for name, a in stream.arrays().items() if name in ("air.rssi", "air.range") and a.shape[-1]}
+    changed = {name: np.where(stream.air.link, a, _perturb(name, a, mode, rng)) for name, a in read.items()}
+    return stream.replace_arrays(changed)
 
 
 def _expand(lead: Array | Mask, array: Array) -> Array | Mask:
@@ -468,9 +414,9 @@ def _expand(lead: Array | Mask, array: Array) -> Array | Mask:
     return lead.reshape(*lead.shape, *(1,) * (array.ndim - lead.ndim))
 
 
-def move_world(stream: Stream, turn: Array, shift: Array, roll: int = 0) -> Stream:
+def move_world(stream: Stream, turn: Array, roll: int) -> Stream:
     """Return the same readings in a world that is turned, then shifted; its anchors are renumbered by `roll`."""
-    (x, P), senses, w = move_belief(stream.prior, turn, shift), stream.senses, stream.world
+    (x, P), senses, w = move_belief(stream.prior, turn), stream.senses, stream.world
     changed = {"prior.x": x, "prior.P": P, "senses.anchor_rssi": np.roll(senses.anchor_rssi, -roll, axis=-1)}
     if isinstance(w.motion, Displacement):
         changed["senses.odometry"] = senses.odometry @ turn.T
@@ -478,15 +424,15 @@ def move_world(stream: Stream, turn: Array, shift: Array, roll: int = 0) -> Stre
         for name in ("landmark", "sighting"):
             z = getattr(senses, name)
             changed[f"senses.{name}"] = np.stack([z[..., 0], wrap(z[..., 1] + _angle(turn))], -1)
-    corners, anchors, landmarks = (places @ turn.T + shift for places in (w.arena, w.anchors, w.landmarks))
+    corners, anchors, landmarks = (places @ turn.T + SHIFT for places in (w.arena, w.anchors, w.landmarks))
     arena, anchors = np.array([corners.min(0), corners.max(0)]), np.roll(anchors, -roll, axis=0)
     return replace(stream.replace_arrays(changed), world=replace(w, arena=arena, anchors=anchors, landmarks=landmarks))
 
 
-def move_belief(belief: Belief, turn: Array, shift: Array) -> Belief:
+def move_belief(belief: Belief, turn: Array) -> Belief:
     """Return a belief in a world that is turned, then shifted."""
     x, J = belief.x.copy(), np.eye(belief.x.shape[-1])
-    x[..., :2] = x[..., :2] @ turn.T + shift
+    x[..., :2] = x[..., :2] @ turn.T + SHIFT
     x[..., 2:] = wrap(x[..., 2:] + _angle(turn))
     J[:2, :2] = turn
     return Belief(x, J @ belief.P @ J.T)
@@ -496,13 +442,7 @@ def _angle(turn: Array) -> Any:
     return np.arctan2(turn[1, 0], turn[0, 0])
 
 
-# The checks, in the order in which they run. All but equivariance compare bitwise.
-
-METHODS = {
-    "row": ("init", "predict", "correct", "send", "fuse", "estimate"),
-    "team": ("init", "predict", "correct", "exchange", "estimate"),
-    "offline": ("smooth",),
-}
+# The checks. All but equivariance compare bitwise.
 
 
 def runs(harness: Harness) -> str:
@@ -512,9 +452,8 @@ def runs(harness: Harness) -> str:
         raise CheckFailed(f"it is the class {estimator.__name__}, not an instance", f"pass {estimator.__name__}()")
     if reason := refusal(estimator):
         raise CheckFailed(reason)
-    for method in METHODS["offline" if about.offline else "team" if about.team else "row"]:
-        if not callable(getattr(estimator, method, None)):
-            raise CheckFailed(f"it has no method {method}()", "add it; cooploc.estimators.interface describes it")
+    for method in missing_methods(estimator):
+        raise CheckFailed(f"it has no method {method}()", "add it; cooploc.estimators.interface describes it")
     if about.team and not about.offline and not isinstance(getattr(estimator, "bound", None), bool):
         raise CheckFailed("it does not say whether it is a bound", "set bound = True or bound = False")
     labels = [stream.scenario.partition("[")[0] for stream in harness.streams]
@@ -526,12 +465,11 @@ def determinism(harness: Harness) -> str:
     """Require the same bits with everything the same: other global seeds, after other runs, and after pickle."""
     for stream, base in harness.cases:
         when = "it ran a second time, with everything the same"
-        with _global_seeds() as changed:
-            again, name = harness.run(stream, when), changed()
+        again, name = _run_with_global_seeds(harness, stream, when)
         try:
             require_equal(base, again, when)
         except CheckFailed as e:
-            drawn = f"it draws from {name}" if name else "it draws from neither random nor numpy.random"
+            drawn = f"it draws from {name or 'neither random nor numpy.random'}"
             raise CheckFailed(f"{drawn}, and does not repeat itself: {e}", "" if name else UNLIKE) from None
         if name:
             raise CheckFailed(f"it drew from or seeded {name}, on {stream.scenario!r}")
@@ -547,19 +485,19 @@ def determinism(harness: Harness) -> str:
     return "it ran again, after other runs, with other global seeds and after pickling: the same bits"
 
 
-@contextmanager
-def _global_seeds() -> Iterator[Callable[[], str]]:
-    """Seed the global generators; yield a function that names the one whose state has changed since."""
+def _run_with_global_seeds(harness: Harness, stream: Stream, when: str) -> tuple[RunRecord, str]:
+    """Run with other states of the global generators; return the record, and which generator it used, if any."""
     before = random.getstate(), np.random.get_state()  # noqa: NPY002
     random.seed(1)
     np.random.seed(1)  # noqa: NPY002, TID251
-    now: dict[str, Callable[[], Any]] = {"random": random.getstate, "numpy.random": np.random.get_state}
-    began = {name: repr(state()) for name, state in now.items()}
+    seeded = repr(random.getstate()), repr(np.random.get_state())  # noqa: NPY002
     try:
-        yield lambda: next((name for name, state in now.items() if repr(state()) != began[name]), "")
+        found = harness.run(stream, when)
+        now = repr(random.getstate()), repr(np.random.get_state())  # noqa: NPY002
     finally:
         random.setstate(before[0])
         np.random.set_state(before[1])  # noqa: NPY002
+    return found, "random" if now[0] != seeded[0] else "numpy.random" if now[1] != seeded[1] else ""
 
 
 def truth_blindness(harness: Harness) -> str:
@@ -579,8 +517,11 @@ def causality(harness: Harness) -> str:
         alone = harness.run(one, "one trial ran alone")
         for whole, before, k in ((stream, base, last // 4), (stream, base, 2 * last // 3), (one, alone, last // 2)):
             for mode in MODES:
-                other = perturb_readings(whole, mode, harness.rng, since=k + 1)
-                other = perturb_links(other, mode, harness.rng, k + 1)
+                other, rng = perturb_readings(whole, mode, harness.rng, since=k + 1), harness.rng
+                link: Any = whole.air.link.copy()  # drawn again, or cut
+                link[:, k + 1 :] = (mode == "perturbed") & (rng.uniform(size=link[:, k + 1 :].shape) < 0.5)
+                link[..., np.eye(whole.robots, dtype=bool)] = False
+                other = other.replace_arrays({"air.link": link})
                 harness.require_same(before, other, f"readings and links after tick {k} were {mode}", ticks=k + 1)
             harness.require_same(before, whole.first_ticks(k + 1), f"the stream ended after tick {k}")
     return "future readings and links were perturbed, hidden and cut off: nothing before them changed"
@@ -602,13 +543,21 @@ def link_honesty(harness: Harness) -> str:
         for robot in range(stream.robots):
             cut = drop_packets(stream, robot, since)
             base = harness.run(cut, f"no packet of robot {robot} arrived from tick {since} on")
-            for mode in MODES:
-                when = f"robot {robot}'s readings were {mode} from tick {since} on while all its packets were dropped"
-                other = perturb_readings(cut, mode, harness.rng, robot, since)
-                harness.require_same(base, other, when, np.arange(stream.robots) != robot)
+            while_dropped = f"from tick {since} on while all its packets were dropped"
+            _require_others_same(harness, base, robot, while_dropped, since=since)
         if not harness.traits.team:  # for a team the runner carries no packets
             _require_mail_alone(harness, stream)
     return "readings and contents of dropped packets, and readings behind unchanged mail, made no difference"
+
+
+def _require_others_same(
+    harness: Harness, base: RunRecord, robot: int, meanwhile: str, watch: Watcher | None = None, since: int = 0
+) -> None:
+    """Perturb and hide one robot's readings from tick `since` on: no other robot's result may change."""
+    for mode in MODES:
+        when = f"robot {robot}'s readings were {mode} {meanwhile}"
+        other = perturb_readings(base.stream, mode, harness.rng, robot, since)
+        require_equal(base, harness.run(other, when, watch=watch), when, np.arange(base.stream.robots) != robot)
 
 
 def _require_mail_alone(harness: Harness, stream: Stream) -> None:
@@ -625,22 +574,15 @@ def _require_mail_alone(harness: Harness, stream: Stream) -> None:
 
     base = harness.run(stream, "nothing was changed", watch=record)
     for robot in range(stream.robots):
-        for mode in MODES:
-            when = f"robot {robot}'s readings were {mode} while the mail stayed as it was"
-            other = perturb_readings(stream, mode, harness.rng, robot)
-            require_equal(base, harness.run(other, when, watch=replay), when, np.arange(stream.robots) != robot)
+        _require_others_same(harness, base, robot, "while the mail stayed as it was", watch=replay)
 
 
 def non_interference(harness: Harness) -> str:
     """Require rows that are independent: of other trials, and while no packet arrives of other robots."""
     for stream, _ in [] if harness.centralised else harness.team_cases:
-        alone = drop_packets(stream)
-        base = harness.run(alone, "no packet arrived")
+        base = harness.run(drop_packets(stream), "no packet arrived")
         for robot in range(stream.robots):
-            for mode in MODES:
-                when = f"robot {robot}'s readings were {mode} while no packet arrived"
-                other = perturb_readings(alone, mode, harness.rng, robot)
-                harness.require_same(base, other, when, np.arange(stream.robots) != robot)
+            _require_others_same(harness, base, robot, "while no packet arrived")
     for stream, base in harness.cases:
         everything = list(range(len(stream.trial)))
         for order in (*([i] for i in everything), everything[::-1]):
@@ -657,21 +599,21 @@ def non_interference(harness: Harness) -> str:
 
 def immutability(harness: Harness) -> str:
     """Require that methods write to nothing that they are given, and that parameters stay."""
+
+    def compare(method: str, tick: int, arguments: tuple[Any, ...], call: Any) -> Any:
+        inputs = ("prior", "world", "rows") if method in ("init", "smooth") else ("state",)
+        named = dict(zip((*inputs, "senses", "mail"), arguments, strict=False))
+        if harness.traits.mutable:
+            named.pop("state", None)
+        old = {name: _contents(one, name) for name, one in named.items()}
+        result = call(*arguments)
+        for name, one in named.items():
+            _require_unchanged(old[name], _contents(one, name), f"by {method}() at tick {tick} of {label!r}")
+        return result
+
     before = _contents(harness.estimator, "its parameters")
     for stream, base in harness.cases:
-
-        def compare(method: str, tick: int, arguments: tuple[Any, ...], call: Any, label: str = stream.scenario) -> Any:
-            inputs = ("prior", "world", "rows") if method in ("init", "smooth") else ("state",)
-            named = dict(zip((*inputs, "senses", "mail"), arguments, strict=False))
-            if harness.traits.mutable:
-                named.pop("state", None)
-            old = {name: _contents(one, name) for name, one in named.items()}
-            result = call(*arguments)
-            for name, one in named.items():
-                _require_unchanged(old[name], _contents(one, name), f"by {method}() at tick {tick} of {label!r}")
-            return result
-
-        when = "it ran a second time"
+        label, when = stream.scenario, "it ran a second time"
         require_equal(base, harness.run(stream, when, watch=compare), when)
     _require_unchanged(before, _contents(harness.estimator, "its parameters"), "by running")
     exempt = "; its state is exempt, as it declares mutable = True" if harness.traits.mutable else ""
@@ -682,13 +624,13 @@ def _contents(thing: Any, path: str) -> dict[str, bytes]:
     """Return the bytes of everything inside an object, by path."""
     if isinstance(thing, np.ndarray) and not thing.dtype.hasobject:
         return {path: thing.tobytes()}
-    if isinstance(thing, tuple) and hasattr(thing, "_fields"):
-        parts = {name: getattr(thing, name) for name in thing._fields}
-    elif is_dataclass(thing) and not isinstance(thing, type):
-        parts = {one.name: getattr(thing, one.name) for one in fields(thing)}
-    else:
+    names = getattr(thing, "_fields", ())  # of a NamedTuple
+    if is_dataclass(thing) and not isinstance(thing, type):
+        names = [one.name for one in fields(thing)]
+    if not names:
         return {path: cloudpickle.dumps(thing)}
-    return {key: value for name, part in parts.items() for key, value in _contents(part, f"{path}.{name}").items()}
+    parts = [_contents(getattr(thing, name), f"{path}.{name}") for name in names]
+    return {key: value for part in parts for key, value in part.items()}
 
 
 def _require_unchanged(before: dict[str, bytes], after: dict[str, bytes], when: str) -> None:
@@ -700,8 +642,7 @@ def nan_safety(harness: Harness) -> str:
     """Require finite estimates where single readings are absent, one channel, or odometry."""
     ways = 0
     for stream in harness.streams:
-        for channel in sorted(harness.channels(stream)):
-            name = _name_of_array(channel)
+        for channel, name in harness.arrays(stream).items():
             array = stream.arrays()[name]
             single = np.where(harness.rng.uniform(size=array.shape) < 0.3, np.nan, array)
             harness.run(stream.replace_arrays({name: single}), f"single readings of {channel} were absent")
@@ -713,30 +654,26 @@ def nan_safety(harness: Harness) -> str:
 
 
 def covariance(harness: Harness) -> str:
-    """Require covariances that are symmetric, and without a negative variance, of perturbed readings too."""
+    """Require covariances that are symmetric, and without a negative variance, of perturbed readings too.
+
+    Those of headings are looked at in a world without a compass, if no other has them; a method that needs a compass
+    need not run there.
+    """
     for stream in harness.streams:
         harness.run(stream, "nothing was changed")
         for mode in MODES:
             harness.run(perturb_readings(stream, mode, harness.rng), f"readings were {mode}")
     sound = f"P was symmetric and positive semidefinite to {ROUNDING:g} of its largest entry at every tick"
-    return sound + _try_headings(harness)
-
-
-def _try_headings(harness: Harness) -> str:
-    """Look at covariances in a world with headings too, if there is no other; return why it does not run there.
-
-    That is no fault, as a method may need a compass; its covariance is one.
-    """
     if any(stream.prior.x.shape[-1] == 3 for stream in harness.streams):
-        return ""
+        return sound
     try:
         stream = simulate(HEADED, trials=TRIALS, seed=harness.seed, **_RADIO)[1]
         harness.run(drop_readings(stream, harness.rng), "it has no compass")
     except CheckFailed as e:
         if "covariance" in str(e):
             raise
-        return f"; without a compass it does not run: {e}"
-    return ", without a compass too"
+        return f"{sound}; without a compass it does not run: {e}"
+    return f"{sound}, without a compass too"
 
 
 def silence(harness: Harness) -> str:
@@ -747,29 +684,26 @@ def silence(harness: Harness) -> str:
     """
     if harness.traits.own_motion:
         raise CheckSkipped(f"own_motion: {harness.traits.own_motion}")
-    moving = [stream for stream in harness.streams if "odometry" in harness.channels(stream)]
+    moving = [stream for stream in harness.streams if "odometry" in harness.arrays(stream)]
     if not moving:
         raise CheckSkipped("it declares no odometry, so where it goes without other readings is its own affair")
     quietly = "nothing was sensed but odometry and no packet arrived"
     for stream in moving:
-        quiet = only_odometry(stream)
-        found, dead = harness.run(quiet, quietly), trace("dead-reckoning", make("dead-reckoning"), quiet)
-        variance = dead.P[..., 0, 0] + dead.P[..., 1, 1]
+        quiet = drop_packets(hide(stream, *_can_be_absent(stream)))
+        found, dead = harness.run(quiet, quietly).trace, trace("dead-reckoning", make("dead-reckoning"), quiet)
+        stated, variance = (P[..., 0, 0] + P[..., 1, 1] for P in (found.P, dead.P))
         growth = np.sqrt(np.maximum(variance - variance[:, :1], 0.0))
         allowed = OFF_TRACK * np.sqrt(variance) if harness.deterministic else growth + 0.1 * growth[:, -1:]
-        moved, expected = (x[..., :2] - x[:, :1, :, :2] for x in (found.trace.x, dead.x))
+        moved, expected = (x[..., :2] - x[:, :1, :, :2] for x in (found.x, dead.x))
         low, high = quiet.world.arena
-        inside = ((dead.x[..., :2] > low) & (dead.x[..., :2] < high)).all(-1)
-        so_far: Array = np.logical_and.accumulate(inside, axis=1)
-        off = np.where(so_far, np.sqrt(((moved - expected) ** 2).sum(-1)), 0.0)
-        if (off > allowed).any():
-            where = earliest(off > allowed)
-            limit = f"where {allowed[where]:.2g} m is allowed, when {quietly}"
-            fail_at(where, quiet, f" is {off[where]:.2g} m away from where odometry leads, {limit}")
+        inside = np.logical_and.accumulate(((dead.x[..., :2] > low) & (dead.x[..., :2] < high)).all(-1), axis=1)
+        off = np.where(inside, np.sqrt(((moved - expected) ** 2).sum(-1)), 0.0)
+        far = off > allowed
+        most = f"{(off - allowed).max():.2g} m more than the up to {allowed.max():.2g} m that are allowed"
+        require_none(far, quiet, f" is away from where odometry leads, by {most}, when {quietly}")
+        shrunk = np.diff(stated, axis=1, prepend=stated[:, :1]) < -ROUNDING * stated
         if harness.deterministic:
-            stated = found.trace.P[..., 0, 0] + found.trace.P[..., 1, 1]
-            shrunk = np.diff(stated, axis=1, prepend=stated[:, :1]) < -ROUNDING * stated
-            require_none(shrunk, found.stream, f"'s position variance shrank when {quietly}")
+            require_none(shrunk, quiet, f"'s position variance shrank when {quietly}")
     agrees = "and its uncertainty never shrank" if harness.deterministic else "to one standard deviation"
     return f"{quietly}: it moved as dead reckoning does, {agrees}"
 
@@ -785,10 +719,10 @@ def declaration(harness: Harness) -> str:
         sound = np.isfinite(messages) & (messages >= 0) & (messages == np.round(messages)) & (sent >= 8 * messages)
         sound &= (messages > 0) | (sent == 0)
         require_none(~sound[:, None], stream, " states messages and bytes of which each has no header of 8 bytes")
-        for channel in sorted(stream.channels() - harness.channels(stream)):
+        for channel in sorted(stream.channels() - set(harness.arrays(stream))):
             other = hide(stream, _name_of_array(channel))
             harness.require_same(base, other, f"{channel}, which it does not declare, was hidden")
-    declared = {channel for stream in harness.streams for channel in harness.channels(stream)}
+    declared = {channel for stream in harness.streams for channel in harness.arrays(stream)}
     unused = declared - _find_used(harness, harness.cases, declared)
     if unused:
         longer = Harness(harness.name, harness.estimator, harness.seed, ticks=LONG)
@@ -807,11 +741,10 @@ def _find_used(harness: Harness, cases: list[tuple[Stream, RunRecord]], channels
     """Return those of these channels that change anything on some stream where they are perturbed, or hidden."""
     found: set[str] = set()
     for stream, base in cases:
-        for channel in sorted((harness.channels(stream) & channels) - found):
-            name = _name_of_array(channel)
+        for channel, name in harness.arrays(stream).items():
             array = stream.arrays()[name]
             perturbed = stream.replace_arrays({name: array + 0.1 * harness.rng.normal(size=array.shape)})
-            for other in (perturbed, hide(stream, name)):
+            for other in (perturbed, hide(stream, name)) if channel in channels - found else ():
                 try:
                     harness.require_same(base, other, f"{channel} was changed")
                 except CheckFailed:
@@ -821,42 +754,37 @@ def _find_used(harness: Harness, cases: list[tuple[Stream, RunRecord]], channels
 
 
 def equivariance(harness: Harness) -> str:
-    """Shift the world, turn it by 90 degrees; require that the estimates follow.
+    """Turn the world by 90 degrees and shift it; require that the estimates follow.
 
     Only for estimators without randomness, and to a tolerance, as other coordinates round differently. For one that
     states why it lies along the `axes`, the world is only shifted.
     """
     if not harness.deterministic:
         raise CheckSkipped("it draws random numbers, which do not turn with the world")
-    axes, still, nowhere = harness.traits.axes, np.eye(2), np.zeros(2)
+    axes = harness.traits.axes
+    turn, moved = (np.eye(2), "shifted") if axes else (QUARTER, "turned by 90 degrees and shifted")
     for stream, base in harness.cases:
         if stream.senses.extra or not isinstance(stream.world.motion, Displacement | Unicycle):
             raise CheckSkipped("it is not known how this scenario's channels or odometry turn with the world")
-        belief = Belief(base.trace.x, base.trace.P)
-        expected, other = move_belief(belief, still, SHIFT), move_world(stream, still, SHIFT)
-        _require_close(harness, expected, other, "the world was shifted")
-        if axes:
-            continue
-        expected, when = move_belief(belief, QUARTER, nowhere), "the world was turned by 90 degrees"
+        expected = move_belief(Belief(base.trace.x, base.trace.P), turn)
         try:  # some estimators take the anchors one by one, some want the corners in order
-            _require_close(harness, expected, move_world(stream, QUARTER, nowhere), when)
+            _require_close(harness, expected, move_world(stream, turn, roll=0), f"the world was {moved}")
         except CheckFailed:
-            _require_close(harness, expected, move_world(stream, QUARTER, nowhere, roll=1), when, AXES)
-    turned, left = ("", f"; not turned, as {axes}") if axes else (" and turned by 90 degrees", "")
-    return f"the world was shifted{turned}: the estimates followed to {TOLERANCE:.0%} of a standard deviation{left}"
+            if axes:
+                raise
+            _require_close(harness, expected, move_world(stream, turn, roll=1), f"the world was {moved}")
+    left = f"; not turned, as {axes}" if axes else ""
+    return f"the world was {moved}: the estimates followed to {TOLERANCE:.0%} of a standard deviation{left}"
 
 
-def _require_close(harness: Harness, expected: Belief, stream: Stream, when: str, remedy: str = "") -> None:
+def _require_close(harness: Harness, expected: Belief, stream: Stream, when: str) -> None:
     """Run on the stream, and compare with the beliefs expected there."""
     found = harness.run(stream, when).trace
     sd = np.sqrt(np.maximum(np.diagonal(expected.P, axis1=-2, axis2=-1), 0.0))
     off_x, off_P = np.abs(wrap_heading(expected.x - found.x)), np.abs(expected.P - found.P)
-    allowed = TOLERANCE * sd[..., None] * sd[..., None, :]
-    for what, off, limit in (("estimate", off_x, TOLERANCE * sd), ("covariance", off_P, allowed)):
-        far: Mask = np.asarray((off > limit + ROUNDED).reshape(*off.shape[:3], -1).any(-1))
-        if far.any():
-            missed = f"'s {what} did not follow when {when}: it is up to {off[far].max():.2g} away"
-            fail_at(earliest(far), stream, missed, remedy)
+    for what, off, scale in (("estimate", off_x, sd), ("covariance", off_P, sd[..., None] * sd[..., None, :])):
+        far: Mask = np.asarray((off > TOLERANCE * scale + ROUNDED).reshape(*off.shape[:3], -1).any(-1))
+        require_none(far, stream, f"'s {what} did not follow when {when}: it is up to {off.max():.2g} away")
 
 
 READ_ONLY = "an input is read-only: copy the array before you write to it"
@@ -864,10 +792,6 @@ ABSENT = "make the method work on such input too: nan is an absent reading, widt
 UNLIKE = (
     "look for what differs from call to call: a counter in the class or module, a cache, a generator that is seeded "
     "once, the clock, id() or hash(), a file, threads"
-)
-AXES = (
-    "take directions only from the prior, the world and the readings; where the method itself lies along the axes, as "
-    "sigma points and grids do, say so in a class variable: axes = 'its sigma points lie along the axes'"
 )
 FIRST = {  # checks without which no other one means anything, and why
     "runs": "it does not run",
@@ -889,16 +813,9 @@ REMEDIES: dict[Callable[[Harness], str], str] = {
     silence: "where nothing is sensed or heard, move by odometry alone and let P grow; a method that must move "
     "otherwise, as a constant-velocity filter or Euler's integration, says why in a class variable: own_motion = '...'",
     declaration: "name in `uses` only channels that change the estimate; a message costs 8 bytes and its payload",
-    equivariance: "take positions and directions only from the prior, the world and the readings",
+    equivariance: "take positions and directions only from the prior, the world and the readings; where the method "
+    "itself lies along the axes, as sigma points and grids do, say so: axes = 'its sigma points lie along the axes'",
 }
 
 
-class Check(NamedTuple):
-    """One rule of the comparison."""
-
-    name: str
-    run: Callable[[Harness], str]  # returns what it tried and saw; raises CheckFailed or CheckSkipped
-    remedy: str  # what to change in an estimator that fails it
-
-
-CHECKS = tuple(Check(one.__name__.replace("_", "-"), one, remedy) for one, remedy in REMEDIES.items())
+CHECKS = {check.__name__.replace("_", "-"): check for check in REMEDIES}  # in the order in which they run

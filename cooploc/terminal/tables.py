@@ -36,7 +36,7 @@ from cooploc.analysis.report.result_tables import (
 )
 from cooploc.analysis.report.tables import Table, csv_text, number_column, text_column
 from cooploc.estimators.registry import shorten_labels
-from cooploc.scenarios.conformance import Report, sentences
+from cooploc.scenarios.conformance import Report
 from cooploc.scenarios.recordings.scenario import NO_ORDER
 from cooploc.scenarios.studies.study import Study, stream_sentence
 from cooploc.terminal.console import wide
@@ -388,10 +388,8 @@ def show_tuning(
 
 def show_checks(report: Report) -> None:
     """Print the results, how many of the checks passed, failed and were skipped, and what to do next."""
-    console, columns = wide(), (text_column("check"), text_column("result"), text_column("what was found", "found"))
-    rows = [{"check": r.check, "result": r.status, "found": "\n".join(sentences(r))} for r in report.results]
-    console.print(Table("checks", "", columns, rows).terminal())
-    console.print(report.summary())
+    console = wide()
+    console.print(report.table(console.width))
     if report.passed:
         say_next(f"cooploc run quick --estimators mrsl-rssi,{report.name}")
     else:

@@ -199,8 +199,7 @@ def make_estimator(given: Any, where: str, isolate: bool = False) -> Any:
     if isolate and isinstance(given, str | type) and not is_builtin(given):
         return given
     made = make_instance(given)
-    whole = OFFLINE if getattr(made, "offline", False) else TEAM if hasattr(made, "exchange") else ROBOT
-    missing = [method for method in whole if not hasattr(made, method)]
+    missing = missing_methods(made)
     if missing == list(ROBOT):
         kind = type(made).__name__
         raise BadInput(f"{where} is of type {kind}, not an estimator: give a name, a class or an instance")
@@ -208,6 +207,12 @@ def make_estimator(given: Any, where: str, isolate: bool = False) -> Any:
         lacking = ", ".join(f"{method}()" for method in missing)
         raise BadInput(f"estimator {type(made).__name__} lacks {lacking}: help(cl.Estimator) says what to do; {LIFT}")
     return made
+
+
+def missing_methods(estimator: Any) -> list[str]:
+    """Return the methods of the interface that an estimator, by its kind, lacks."""
+    whole = OFFLINE if getattr(estimator, "offline", False) else TEAM if hasattr(estimator, "exchange") else ROBOT
+    return [method for method in whole if not callable(getattr(estimator, method, None))]
 
 
 # Estimators in processes of their own.

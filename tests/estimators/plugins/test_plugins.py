@@ -9,7 +9,6 @@ import pytest
 from processes import environment, finish
 
 import cooploc as cl
-from cooploc.scenarios.conformance import CHECKS
 
 FILE = """
 from dataclasses import dataclass
@@ -84,7 +83,7 @@ def test_a_written_package_is_installed_listed_and_tested(tmp_path):
     shutil.copy(tmp_path / "my-filter" / "test_my_filter_estimator.py", test)
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-c", "/dev/null", "--rootdir", tmp_path]
     told = subprocess.run([*command, test], cwd=tmp_path, env=environment(home), capture_output=True, text=True)
-    assert f"{len(CHECKS)} passed" in told.stdout, told.stdout
+    assert "1 passed" in told.stdout, told.stdout
 
 
 @pytest.mark.parametrize(
