@@ -13,22 +13,8 @@ from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 
-from cooploc.estimators.interface import (
-    HEADER,
-    TEAM_PRIOR,
-    TOO_NEAR_TO_RANGE,
-    Array,
-    Belief,
-    Keys,
-    Mail,
-    Mask,
-    Motion,
-    Rows,
-    Senses,
-    Sensor,
-    Traffic,
-    World,
-)
+from cooploc.estimators import interface
+from cooploc.estimators.interface import Array, Belief, Keys, Mail, Mask, Rows, Senses, Sensor, Traffic, World
 
 
 def senses_of(z: Senses, i: int) -> Senses:
@@ -47,7 +33,7 @@ def mail_of(mail: Mail, i: int) -> Mail:
 
 def drop_short(reading: Array, distance: Array) -> Array:
     """Return a reading, absent where its distance is too short."""
-    short = distance < TOO_NEAR_TO_RANGE
+    short = distance < interface.TOO_NEAR_TO_RANGE
     return np.where(short, np.nan, reading) if short.any() else reading
 
 
@@ -335,7 +321,7 @@ class Radio:
         if not self._awake[sender] or (packet.size and np.isnan(packet).all()):
             return None
         self.messages[sender] += 1
-        self.bytes[sender] += 8.0 * np.isfinite(packet).sum() + HEADER
+        self.bytes[sender] += 8.0 * np.isfinite(packet).sum() + interface.HEADER
         return packet
 
     def _deliver(self, sender: int, receiver: int) -> bool:
@@ -405,7 +391,7 @@ class PerTeam(Adapter):
 class Step:
     """The motion of states (..., d) by one tick's odometry."""
 
-    motion: Motion
+    motion: interface.Motion
     odometry: Array  # (k,)
     dt: Array  # () [s]
 
@@ -464,9 +450,9 @@ def priors_of(z: Senses) -> Belief:
 
     It is the channel "team_prior", the same in every tick; `uses` must name it, else this is a KeyError.
     """
-    if TEAM_PRIOR not in z.extra:
-        raise KeyError(f'no {TEAM_PRIOR}: name it in `uses`, in a scenario such as "trajectory[team_priors=true]"')
-    priors = z.extra[TEAM_PRIOR]
+    if interface.TEAM_PRIOR not in z.extra:
+        raise KeyError('no team_prior: name it in `uses`, in a scenario such as "trajectory[team_priors=true]"')
+    priors = z.extra[interface.TEAM_PRIOR]
     d = 2 if priors.shape[-1] == 6 else 3
     return Belief(priors[..., :d], priors[..., d:].reshape(*priors.shape[:-1], d, d))
 

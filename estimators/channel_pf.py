@@ -122,7 +122,7 @@ class ChannelPf:
         now, then = unpack(packets[:, 5:]), unpack(s.heard[i, j])
         before.x[:, 2:] += now[0] - then[0]  # the sender has moved since its last packet
         before.P[:, 2:, 2:] += now[1] - then[1]
-        after, gain = _exchange_packets(sensor, before, mine, Belief(*unpack(packets[:, :5])), readings[i, j])
+        after, gain = _exchange_packets(sensor, before, mine, unpack(packets[:, :5]), readings[i, j])
         own = shared.resample_and_estimate(self, s.own._replace(logw=_weigh(s.own, belief.x, gain, i)))
         x, P, heard = s.channel.x.copy(), s.channel.P.copy(), s.heard.copy()
         x[i, j], P[i, j], heard[i, j] = after.x, after.P, packets[:, 5:]

@@ -14,28 +14,18 @@ Autonomous Robots 17, 2004 (robots without odometry, known by its abstract).
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from itertools import permutations
 from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
 
 from cooploc.estimators import joint_gaussian as joint
-from cooploc.estimators import kalman
+from cooploc.estimators import kalman, models
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses, Sensor, Traffic, World
 from cooploc.estimators.joint_kernels import LinearReadings, count_refused, distances, join_ranges, sight_joint
 from cooploc.estimators.kalman_kernels import add_directions, add_ranges, add_scalars
-from cooploc.estimators.models import (
-    AnchorReading,
-    Bearing,
-    Displacement,
-    GradientDoa,
-    Range,
-    Sighting,
-    fixed_readings,
-    wrap_heading,
-)
+from cooploc.estimators.models import AnchorReading, Range, fixed_readings, wrap_heading
 from cooploc.estimators.robust import AssumedLoss
 from cooploc.estimators.tunable import tunable
 
@@ -118,7 +108,7 @@ class EkfJoint:
             blind = np.asarray(np.isnan(z.odometry).any(-1))[..., None, None]
             anyhow = np.diag([self.speed**2, self.speed**2, self.turn_rate**2][: x.shape[-1]])
             Q = np.where(blind, anyhow * self.hold * z.dt[..., None, None], Q)
-        if self.engine == "batched" and isinstance(s.world.motion, Displacement):
+        if self.engine == "batched" and isinstance(s.world.motion, models.Displacement):
             P = s.P.copy()  # F = I
             np.einsum("tiaib->tiab", P)[...] += Q
             return s._replace(x=x, P=P)
@@ -132,9 +122,10 @@ class EkfJoint:
         for sensor, place, reading in fixed_readings(s.world, z, self.anchor_reading):
             if self.update == "batch":
                 s = self._update_by_fixed(s, sensor, place, reading)
-            elif self.engine == "batched" and isinstance(sensor, GradientDoa) and sensor.loss == "none":
+            elif self.engine == "batched" and isinstance(sensor, models.GradientDoa) and sensor.loss == "none":
                 x, P = s.x.copy(), joint.square(s.P.copy())
-                add_directions(x, P, reading[..., 0], *direction_weights(sensor), self.gate)
+                weights, slope = sensor.gradient(np.eye(4)), float(5 * sensor.rssi.eta / np.log(10))
+                add_directions(x, P, reading[..., 0], sensor.anchors, weights, slope, sensor.R.item(), self.gate)
                 s = _set_belief(s, x, P)
             else:
                 for i in np.flatnonzero(~np.isnan(reading).all((0, 2))).tolist():
@@ -157,7 +148,18 @@ class EkfJoint:
 
     def _team_readings(self, world: World, z: Senses, air: Mail) -> Iterator[tuple[Sensor, Array]]:
         """Yield the readings of teammates that are used, (t, receiver, sender, k) by sensor."""
-        yield from kalman.reading_tables(*_select_part(self.sighting, world, z), air)
+        camera = world.sensors.get("sighting")
+        if camera is not None and self.sighting != "both":  # a part of it
+            if not isinstance(camera, models.Sighting):
+                raise BadInput(
+                    f"sighting={self.sighting!r} needs sightings of range and bearing, not those of {camera!r}"
+                )
+            part: Sensor = models.Bearing(camera.sigma_bearing, camera.loss)
+            numbers = z.sighting[..., 1:]
+            if self.sighting == "range":
+                part, numbers = Range(camera.sigma_range, camera.loss), z.sighting[..., :1]
+            world, z = replace(world, sensors={**world.sensors, "sighting": part}), z._replace(sighting=numbers)
+        yield from kalman.reading_tables(world, z, air)
         if self.orientation and not np.isnan(readings := z.extra["orientation"]).all():
             yield world.sensors["orientation"], readings
 
@@ -268,19 +270,6 @@ class EkfJoint:
         return _set_belief(s, *update(joint.flat(s.x), joint.square(s.P), y, H, R, self.gate))
 
 
-def _select_part(sighting: str, world: World, z: Senses) -> tuple[World, Senses]:
-    """Return the world and the readings with the part of each sighting that is used."""
-    camera = world.sensors.get("sighting")
-    if camera is None or sighting == "both":
-        return world, z
-    if not isinstance(camera, Sighting):
-        raise BadInput(f"sighting={sighting!r} needs sightings of range and bearing, not those of {camera!r}")
-    ranged = sighting == "range"
-    part: Sensor = (Range if ranged else Bearing)(camera.sigma_range if ranged else camera.sigma_bearing, camera.loss)
-    numbers = z.sighting[..., :1] if ranged else z.sighting[..., 1:]
-    return replace(world, sensors={**world.sensors, "sighting": part}), z._replace(sighting=numbers)
-
-
 def _set_belief(s: State, x: Array, P: Array) -> State:
     return s._replace(x=x.reshape(s.x.shape), P=P.reshape(s.P.shape))
 
@@ -289,9 +278,3 @@ def _count_distances(s: State, d2: Array, gate: float, between: bool) -> State:
     """Count the readings (t, n, m) that the gate refused into each robot's average."""
     count_refused(d2, gate, between, FORGET, refused := s.refused.copy())
     return s._replace(refused=refused)
-
-
-@lru_cache(maxsize=64)
-def direction_weights(doa: GradientDoa) -> tuple[Array, Array, float, float]:
-    """Return places, weights, slope and variance of a direction of arrival, as `add_directions` takes them."""
-    return doa.anchors, doa.gradient(np.eye(4)), float(5 * doa.rssi.eta / np.log(10)), doa.R.item()

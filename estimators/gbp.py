@@ -25,6 +25,7 @@ from cooploc.estimators.interface import Array, Belief, Indices, Mail, Mask, Row
 from cooploc.estimators.kalman import linearise, symmetric
 from cooploc.estimators.kalman_window import READINGS, Window, append_tick, drop_oldest, empty, smooth, times
 from cooploc.estimators.models import RAW, AnchorReading, fixed_readings, gradient_doa, wrap_heading
+from cooploc.estimators.particle_likelihood import pack, unpack
 from cooploc.estimators.robust import Loss, weights
 
 # Factors of readings between two robots, and the four messages that pass between such a factor and its two poses.
@@ -206,7 +207,7 @@ class Packet(NamedTuple):
 
     def pack(self, window: int) -> Array:
         """Return (r, n, 10 window) numbers; nan before the first tick."""
-        numbers = np.concatenate([_flatten(*self.mine), _flatten(*self.yours)], -1)  # (r, l, n, 10)
+        numbers = np.concatenate([pack(self.mine), pack(Belief(*self.yours))], -1)  # (r, l, n, 10)
         r, length, n, m = numbers.shape
         before = np.full((r, window - length, n, m), np.nan)
         return np.concatenate([before, numbers], 1).swapaxes(1, 2).reshape(r, n, -1)
@@ -216,7 +217,7 @@ class Packet(NamedTuple):
         """Return the messages about the last `length` ticks in packets (r, n, m)."""
         numbers = packets.reshape(*packets.shape[:2], -1, 2 * NUMBERS)[:, :, -length:].swapaxes(1, 2)
         mine, yours = np.split(numbers, 2, -1)
-        return cls(Belief(*_unflatten(mine)), Information(*_unflatten(yours)))
+        return cls(unpack(mine), Information(*unpack(yours)))
 
 
 def outgoing(s: State, loss: Loss) -> Packet:
@@ -257,14 +258,6 @@ def _update_known(old: Array, new: Array) -> Array:
 
 def _mask(use: Mask, vector: Array, matrix: Array) -> tuple[Array, Array]:
     return np.where(use[..., None], vector, np.nan), np.where(use[..., None, None], matrix, np.nan)
-
-
-def _flatten(vector: Array, matrix: Array) -> Array:
-    return np.concatenate([vector, matrix[..., [0, 0, 1], [0, 1, 1]]], -1)
-
-
-def _unflatten(numbers: Array) -> tuple[Array, Array]:
-    return numbers[..., :2], numbers.take([[2, 3], [3, 4]], -1)
 
 
 @dataclass(frozen=True)

@@ -129,33 +129,26 @@ class World:
 
     def relative(self, z: Senses, mail: Mail) -> Iterator[tuple[Sensor, int, Array]]:
         """Yield readings of teammates as (sensor, sender, reading (r, k)): sightings, then radio RSSI, then range."""
-        for sensor, readings in self._of_mates(z, mail):
-            yield from ((sensor, j, one) for j, one in _present(readings, self.robots))
+        channels = {"sighting": z.sighting, "radio_rssi": mail.rssi[..., None], "radio_range": mail.range[..., None]}
+        for channel, readings in channels.items():
+            if (sensor := self.sensors.get(channel)) is not None:
+                yield from ((sensor, j, one) for j, one in _present(readings, self.robots))
 
-    def stack(self, x: Array, z: Senses, mail: Mail | None = None, mates: Belief | None = None) -> "Stacked":
-        """Return all readings of a tick as one vector, linearised at x (..., d), of the same length in every tick.
+    def stack(self, x: Array, z: Senses) -> tuple[Array, Array, Array]:
+        """Return a tick's readings of fixed things as one vector y (..., m), H (..., m, d) and R (..., m, m).
 
-        It is what `fixed` has and, with `mail` and beliefs of teammates `mates` (x (..., n, d), P (..., n, d, d)), what
-        `relative` has; y is nan where a reading is absent. The mates' covariance is added to R as if independent.
+        They are linearised at x (..., d), and of the same length m in every tick; y is nan where a reading is absent.
         """
-        parts = []
-        for sensor, places, readings in self._of_fixed(z):
-            for i, q in enumerate(places):
-                parts.append((*sensor.innovation(x, q, readings[..., i, :])[:2], sensor.R))
-        if mail is not None and mates is not None:
-            for sensor, readings in self._of_mates(z, mail):
-                for j in range(self.robots):
-                    y, H, Hq = sensor.innovation(x, mates.x[..., j, :2], readings[..., j, :])
-                    parts.append((y, H, sensor.R + Hq @ mates.P[..., j, :2, :2] @ Hq.mT))
-        lead, d = x.shape[:-1], x.shape[-1]
-        y = np.concatenate([np.zeros((*lead, 0)), *(part[0] for part in parts)], -1)
-        H = np.concatenate([np.zeros((*lead, 0, d)), *(part[1] for part in parts)], -2)
-        R, at = np.zeros((*lead, y.shape[-1], y.shape[-1])), 0
-        for _, _, block in parts:
-            k = block.shape[-1]
-            R[..., at : at + k, at : at + k] = block
+        things = [(sensor, q, a[..., i, :]) for sensor, places, a in self._of_fixed(z) for i, q in enumerate(places)]
+        parts = [sensor.innovation(x, q, reading) for sensor, q, reading in things]
+        y = np.concatenate([x[..., :0], *(part[0] for part in parts)], -1)
+        H = np.concatenate([np.zeros((*x.shape[:-1], 0, x.shape[-1])), *(part[1] for part in parts)], -2)
+        R, at = np.zeros((*y.shape, y.shape[-1])), 0
+        for sensor, _, _ in things:
+            k = len(sensor.R)
+            R[..., at : at + k, at : at + k] = sensor.R
             at += k
-        return Stacked(y, H, R)
+        return y, H, R
 
     def _of_fixed(self, z: Senses) -> Iterator[tuple[Sensor, Array, Array]]:
         """Yield every channel of fixed things: sensor, places (m, 2), readings (r, m, k)."""
@@ -167,27 +160,11 @@ class World:
         if ranged is not None:
             yield ranged, self.anchors, z.extra["anchor_range"][..., None]
 
-    def _of_mates(self, z: Senses, mail: Mail) -> Iterator[tuple[Sensor, Array]]:
-        """Yield every channel of teammates: sensor, readings (r, n, k)."""
-        channels = {"sighting": z.sighting, "radio_rssi": mail.rssi[..., None], "radio_range": mail.range[..., None]}
-        for channel, readings in channels.items():
-            sensor = self.sensors.get(channel)
-            if sensor is not None:
-                yield sensor, readings
-
 
 def _present(readings: Array, things: int) -> Iterator[tuple[int, Array]]:
     """Return the number of each thing that some row has a reading of, with these (..., k) of (..., things, k)."""
     absent = np.logical_and.reduce(np.isnan(readings), (*range(readings.ndim - 2), -1))
     return ((i, readings[..., i, :]) for i in (~absent[:things]).nonzero()[0].tolist())
-
-
-class Stacked(NamedTuple):
-    """All readings of one tick as one vector."""
-
-    y: Array  # (..., m) innovation, nan where absent
-    H: Array  # (..., m, d)
-    R: Array  # (..., m, m)
 
 
 S = TypeVar("S")

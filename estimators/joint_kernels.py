@@ -2,21 +2,10 @@
 
 import numpy as np
 
+from cooploc.estimators import kalman_kernels
 from cooploc.estimators.compiled import strict_kernel
 from cooploc.estimators.interface import Array, Mask
-from cooploc.estimators.kalman_kernels import (
-    SIGHTING,
-    absorb_row,
-    add_scalars,
-    fill_product,
-    fill_sum,
-    is_known,
-    is_seen,
-    joseph,
-    linearise_row,
-    solve,
-    whiten,
-)
+from cooploc.estimators.kalman_kernels import fill_product, fill_sum, is_known, is_seen, joseph, solve, whiten
 from cooploc.estimators.models import NEAR, TOO_NEAR_TO_RANGE
 
 # Linearised readings of robot j by robot i; for fixed things m is 1 instead of n, and H_j is 0:
@@ -399,7 +388,7 @@ def split_row(x, Pd, Pi, y, H, Rd, Ri, w, gate, keep):
         for b in range(len(R)):
             wide_R[a, b] = Rd[a, b] / (1 - w) if w < 1 else 0.0
             R[a, b] = wide_R[a, b] + Ri[a, b]
-    absorb_row(x, P, y, H, R, gate, S, B, A)
+    kalman_kernels.absorb_row(x, P, y, H, R, gate, S, B, A)
     used = False
     for a in range(len(P)):
         for b in range(len(P)):
@@ -439,7 +428,7 @@ def sight_split(x, Pd, Pi, seen):
     for r in range(len(x)):
         for m in range(len(places)):
             if is_seen(z, r, m):
-                linearise_row(SIGHTING, 0.0, 0.0, x[r], places[m], z[r, m], y, H)
+                kalman_kernels.linearise_sighting(x[r], places[m], z[r, m], y, H)
                 if is_known(y, H, R):
                     split_row(x[r], Pd[r], Pi[r], y, H, nothing, R, 1.0, gate, True)
 
@@ -525,12 +514,12 @@ def sight_joint(x, P, refused, seen, forget):
             continue
         for s in range(t):
             for i in range(n):
-                linearise_row(SIGHTING, 0.0, 0.0, x[s, i], places[m], z[s * n + i, m], y[s, i], H[s, i])
+                kalman_kernels.linearise_sighting(x[s, i], places[m], z[s * n + i, m], y[s, i], H[s, i])
         d2 = distances(P, (y.reshape(t, n, 1, k), H.reshape(t, n, 1, k, d), nothing, noise))
         for s in range(t):
             for i in range(n):
                 use[s, i] = d2[s, i, 0] <= gate
-        add_scalars(x, P, use, y, H, variances)
+        kalman_kernels.add_scalars(x, P, use, y, H, variances)
         count_refused(d2, gate, False, forget, refused)
 
 
@@ -550,7 +539,7 @@ def sight_decoupled(team, seen, heard, used):
                 continue
             at[0] = a
             for s in range(t):
-                linearise_row(SIGHTING, 0.0, 0.0, x[s, a], places[m], z[s * n + a, m], y[s], H[s, 0])
+                kalman_kernels.linearise_sighting(x[s, a], places[m], z[s * n + a, m], y[s], H[s, 0])
                 for i in range(n):
                     hears[s, i] = heard[s, i, a]
             took = master(team, a, at, (y, H, R), hears, gate)

@@ -12,38 +12,12 @@ from typing import Any, Literal, NamedTuple, Self, TypeVar
 
 import numpy as np
 
-from cooploc.estimators import kalman_kernels
+from cooploc.estimators import interface, kalman_kernels, models
 from cooploc.estimators.compiled import readable, spread_out
 from cooploc.estimators.errors import require
-from cooploc.estimators.interface import (
-    HEADER,
-    Array,
-    Belief,
-    Indices,
-    Mail,
-    Mask,
-    Motion,
-    Rows,
-    Senses,
-    Sensor,
-    Traffic,
-    World,
-)
+from cooploc.estimators.interface import Array, Belief, Indices, Mail, Mask, Rows, Senses, Sensor, Traffic, World
 from cooploc.estimators.kalman_kernels import LandmarkSightings
-from cooploc.estimators.models import (
-    LEAST,
-    MOST,
-    RAW,
-    LogDistance,
-    Orientation,
-    Range,
-    Sighting,
-    Unicycle,
-    fixed_readings,
-    gradient_doa,
-    inflate,
-    wrap_heading,
-)
+from cooploc.estimators.models import LogDistance, Orientation, Range, Sighting, Unicycle, fixed_readings, wrap_heading
 from cooploc.estimators.robust import loss_of, rescale
 
 EngineName = Literal["batched", "filterpy"]
@@ -84,7 +58,7 @@ def explain(cls: C) -> C:
 
 def require_limits(p: Any, **limits: tuple[float, float]) -> None:
     """Raise ValueError where a gate, an inflation, or another parameter is outside its limits."""
-    require(p, gate=(0, np.inf), inflation=(LEAST, MOST), **limits)
+    require(p, gate=(0, np.inf), inflation=(models.LEAST, models.MOST), **limits)
 
 
 def own_channels(p: Any) -> tuple[str, ...]:
@@ -102,9 +76,9 @@ def team_channels(p: Any) -> tuple[str, ...]:
 
 def assume(p: Any, world: World) -> World:
     """Return the world with a filter's inflation; BadInput where directions of arrival lack four corner anchors."""
-    if p.anchor_reading not in (*RAW, "none") and "anchor_rssi" in world.sensors:
-        gradient_doa(world)
-    return inflate(world, p.inflation, p.loss)
+    if p.anchor_reading not in (*models.RAW, "none") and "anchor_rssi" in world.sensors:
+        models.gradient_doa(world)
+    return models.inflate(world, p.inflation, p.loss)
 
 
 # The Kalman predict and update of many rows at once.
@@ -243,7 +217,7 @@ KINDS: dict[type, int] = {
 }
 
 
-def move(motion: Motion, x: Array, z: Senses) -> tuple[Array, Array, Array]:
+def move(motion: interface.Motion, x: Array, z: Senses) -> tuple[Array, Array, Array]:
     """Return x', F, Q of states x (..., d) after a tick's odometry."""
     if type(motion) is not Unicycle:
         return motion.move(x, z.odometry, z.dt)
@@ -386,7 +360,7 @@ def no_traffic(x: Array) -> Traffic:
 def count(sent: Traffic, robot: int, when: Mask, numbers: int) -> None:
     """Add, in place, a robot's message of so many numbers, 8 bytes each, in the trials `when` (t,) it was sent."""
     sent.messages[:, robot] += when
-    sent.bytes[:, robot] += when * (8.0 * numbers + HEADER)
+    sent.bytes[:, robot] += when * (8.0 * numbers + interface.HEADER)
 
 
 # Readings between robots.

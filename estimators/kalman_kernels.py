@@ -245,6 +245,12 @@ def linearise_row(kind, A, slope, x, q, z, y, H):
 
 
 @strict_kernel
+def linearise_sighting(x, q, z, y, H):
+    """Write y (2,) and H (2, d) of a Sighting."""
+    linearise_row(SIGHTING, 0.0, 0.0, x, q, z, y, H)
+
+
+@strict_kernel
 def relate(kind, A, slope, x, q, z, y, H):
     """Write the innovations of poses x (r, d), places q (r, 2) or one for all (1, 2), readings z (r, k)."""
     for r in range(len(x)):
@@ -271,7 +277,7 @@ def sight(x, P, places, z, R, gate):
     for r in range(len(x)):
         for m in range(len(places)):
             if is_seen(z, r, m):
-                linearise_row(SIGHTING, 0.0, 0.0, x[r], places[m], z[r, m], y, H)
+                linearise_sighting(x[r], places[m], z[r, m], y, H)
                 if is_known(y, H, R):
                     absorb_row(x[r], P[r], y, H, R, gate, S, B, A)
 

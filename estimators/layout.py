@@ -22,12 +22,8 @@ class Layout:
     heading: int | None = None  # None: a compass frame, as where priors have 2 numbers
 
     def __post_init__(self) -> None:
-        least = 2 if self.heading is None else 3
-        if self.width < least or (self.heading is not None and not 2 <= self.heading < self.width):
-            raise ValueError(
-                f"Layout({self.width}, heading={self.heading}): a state has its position in 0 and 1, and its heading, "
-                "where it has one, in one of the others"
-            )
+        if self.width < 2 or (self.heading is not None and not 2 <= self.heading < self.width):
+            raise ValueError(f"{self}: a state has its position in 0 and 1, and a heading in one of the others")
 
     @property
     def pose(self) -> list[int]:
@@ -53,12 +49,6 @@ class Layout:
         """Return position, and heading where there is one, with their covariance."""
         return Belief(x[..., self.pose], P[..., np.array(self.pose)[:, None], self.pose])
 
-    def widen(self, H: Array) -> Array:
-        """Return slopes of the pose (..., k, 2 or 3) as slopes of the state (..., k, width)."""
-        wide = np.zeros((*H.shape[:-1], self.width))
-        wide[..., self.pose] = H
-        return wide
-
 
 @dataclass(frozen=True)
 class WideSensor:
@@ -73,7 +63,9 @@ class WideSensor:
 
     def innovation(self, x: Array, q: Array, z: Array) -> tuple[Array, Array, Array]:
         y, H, Hq = self.sensor.innovation(x[..., self.layout.pose], q, z)
-        return y, self.layout.widen(H), Hq
+        wide = np.zeros((*H.shape[:-1], self.layout.width))
+        wide[..., self.layout.pose] = H
+        return y, wide, Hq
 
 
 @dataclass(frozen=True)

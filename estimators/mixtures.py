@@ -12,10 +12,11 @@ from typing import NamedTuple
 import numpy as np
 
 from cooploc.estimators.compiled import exp, inlined, kernel, ln, readable, row_buffer, store, wide
-from cooploc.estimators.interface import Array, Mask, Sensor
+from cooploc.estimators.interface import Array, Belief, Mask, Sensor
 from cooploc.estimators.models import NEAR, TOO_NEAR_TO_RANGE, LogDistance, Range
 from cooploc.estimators.particle_kernels import load_row, row_of
-from cooploc.estimators.particle_likelihood import ReceivedPackets, fill_rows, log_density
+from cooploc.estimators.particle_likelihood import ReceivedPackets, fill_rows, log_density, pack
+from cooploc.estimators.particle_likelihood import unpack as read_packet
 from cooploc.estimators.particles import summary, weights
 from cooploc.estimators.robust import loss_of
 
@@ -109,15 +110,14 @@ class Mixture(NamedTuple):
 
     def pack(self) -> Array:
         """Return the packet (..., 6 K): w, x, y, P_xx, P_xy, P_yy of each component."""
-        P = self.P
-        parts = [self.w, self.x[..., 0], self.x[..., 1], P[..., 0, 0], P[..., 0, 1], P[..., 1, 1]]
-        return np.stack(parts, -1).reshape(*self.w.shape[:-1], NUMBERS * self.w.shape[-1])
+        numbers = np.concatenate([self.w[..., None], pack(Belief(self.x, self.P))], -1)
+        return numbers.reshape(*self.w.shape[:-1], NUMBERS * self.w.shape[-1])
 
 
 def unpack(packets: Array) -> Mixture:
     """Return the mixture in packets (..., 6 K)."""
     parts = packets.reshape(*packets.shape[:-1], packets.shape[-1] // NUMBERS, NUMBERS)
-    return Mixture(parts[..., 0], parts[..., 1:3], np.stack([parts[..., 3:5], parts[..., 4:6]], -2))
+    return Mixture(parts[..., 0], *read_packet(parts[..., 1:]))
 
 
 def weigh(sensor: Sensor, sent: Mixture, z: Array, x: Array, logw: Array) -> Array:

@@ -51,13 +51,17 @@ def _wrap_headings(x: Array) -> None:
 
 def circular_mean(angle: Array, weight: Array) -> Array:
     """Return the weighted mean direction over the last axis [rad]: the angle of the sum of unit vectors."""
-    mean: Array = np.arctan2((weight * np.sin(angle)).sum(-1), (weight * np.cos(angle)).sum(-1))
-    return mean
+    return np.asarray(np.arctan2((weight * np.sin(angle)).sum(-1), (weight * np.cos(angle)).sum(-1)))
 
 
 # Sensor models, each with its Jacobians and its noise.
 
 NEAR = 0.1  # [m] distances in a logarithm or a quotient are clamped here
+
+
+def variance(sensor: Any) -> Array:
+    """Return the noise covariance (1, 1) of a reading of one number."""
+    return np.array([[sensor.sigma**2]])
 
 
 @dataclass(frozen=True)
@@ -72,9 +76,7 @@ class LogDistance:
     sigma: float = 5**0.5  # [dB] shadowing and fast noise together
     loss: Loss = "none"
 
-    @property
-    def R(self) -> Array:
-        return np.array([[self.sigma**2]])
+    R = property(variance)
 
     def level(self, x: Array, q: Array) -> Array:
         """Return the mean reading (...) [dBm]."""
@@ -100,9 +102,7 @@ class Range:
     sigma: float = 0.1  # [m]
     loss: Loss = "none"
 
-    @property
-    def R(self) -> Array:
-        return np.array([[self.sigma**2]])
+    R = property(variance)
 
     def innovation(self, x: Array, q: Array, z: Array) -> tuple[Array, Array, Array]:
         delta, d = _offset(x, q)
@@ -130,23 +130,17 @@ class Bearing:
     sigma: float = 0.02  # [rad]
     loss: Loss = "none"
 
-    @property
-    def R(self) -> Array:
-        return np.array([[self.sigma**2]])
+    R = property(variance)
 
     def innovation(self, x: Array, q: Array, z: Array) -> tuple[Array, Array, Array]:
         delta, d = _offset(x, q)
-        y = wrap(z - self._direction(x, delta))
+        away: Array = np.arctan2(-delta[..., 1:], -delta[..., :1])
+        y = wrap(z - (away - (x[..., 2:3] if x.shape[-1] > 2 else 0.0)))
         g = np.stack([-delta[..., 1], delta[..., 0]], -1) / np.maximum(d, NEAR) ** 2
         H = _widen(g[..., None, :], x)
         if x.shape[-1] > 2:
             H[..., 0, 2] = -1.0
         return y, H, -g[..., None, :]
-
-    @staticmethod
-    def _direction(x: Array, delta: Array) -> Array:
-        away: Array = np.arctan2(-delta[..., 1:], -delta[..., :1])
-        return away - (x[..., 2:3] if x.shape[-1] > 2 else 0.0)
 
 
 @dataclass(frozen=True)
@@ -174,9 +168,7 @@ class Orientation:
     sigma: float = 0.05  # [rad]
     loss: Loss = "none"
 
-    @property
-    def R(self) -> Array:
-        return np.array([[self.sigma**2]])
+    R = property(variance)
 
     def innovation(self, x: Array, q: Array, z: Array) -> tuple[Array, Array, Array]:
         """y = wrap(z + heading) of a thing that faces along the x axis; `q` is not used."""
@@ -248,8 +240,8 @@ class Unicycle:
         a = x[..., 2] + turn / 2
         c, s = np.cos(a), np.sin(a)
         zero, one = np.zeros_like(a), np.ones_like(a)
-        F = _matrix([[one, zero, -arc * s], [zero, one, arc * c], [zero, zero, one]])
-        G = _matrix([[c, -arc * s / 2], [s, arc * c / 2], [zero, one]])
+        F = np.stack([one, zero, -arc * s, zero, one, arc * c, zero, zero, one], -1).reshape(*a.shape, 3, 3)
+        G = np.stack([c, -arc * s / 2, s, arc * c / 2, zero, one], -1).reshape(*a.shape, 3, 2)
         W = np.array([self.sigma_v**2, self.sigma_omega**2]) * self.tick
         Q = (G * (W * dt[..., None])[..., None, :]) @ G.mT
         return self._step(x, arc, turn), F, Q
@@ -285,10 +277,6 @@ def _add_position(x: Array, step: Array) -> Array:
     return np.concatenate([position, np.broadcast_to(x[..., 2:], (*position.shape[:-1], x.shape[-1] - 2))], -1)
 
 
-def _matrix(rows: list[list[Array]]) -> Array:
-    return np.stack([np.stack(row, -1) for row in rows], -2)
-
-
 def _rotate(v: Array, angle: Array) -> Array:
     c, s = np.cos(angle), np.sin(angle)
     return np.stack([c * v[..., 0] - s * v[..., 1], s * v[..., 0] + c * v[..., 1]], -1)
@@ -315,8 +303,7 @@ class GradientDoa:
     def anchors(self) -> Array:
         """N1 .. N4 (4, 2) [m]."""
         a, b = self.sides
-        corners: Array = np.array(self.corner) + np.array([[0, 0], [0, b], [a, b], [a, 0]])
-        return corners
+        return np.asarray(np.array(self.corner) + np.array([[0, 0], [0, b], [a, b], [a, 0]]))
 
     loss = property(lambda self: self.rssi.loss)
 
@@ -325,9 +312,7 @@ class GradientDoa:
         """RMS angle error [rad] over the arena under the noise model: computed, not tuned."""
         return _rms_error(self.rssi.eta, self.rssi.sigma, self.sides)
 
-    @property
-    def R(self) -> Array:
-        return np.array([[self.sigma**2]])
+    R = property(variance)
 
     def gradient(self, S: Array) -> Array:
         """g (..., 2) [dB/m] from readings S (..., 4).
@@ -397,8 +382,7 @@ class GradientDoa:
         u = np.stack([np.cos(angle) * a, np.sin(angle) * b], -1) / self.rssi.sigma
         A = (u**2).sum(-1)
         t = (u * mu).sum(-1) / np.sqrt(A)
-        density: Array = np.log(a * b / self.rssi.sigma**2 / (2 * np.pi * A)) - 0.5 * (mu**2).sum(-1) + _log_tail(t)
-        return density
+        return np.asarray(np.log(a * b / self.rssi.sigma**2 / (2 * np.pi * A)) - 0.5 * (mu**2).sum(-1) + _log_tail(t))
 
 
 def _angle_of(vector: Array) -> Array:
@@ -432,8 +416,7 @@ def _log_tail(t: Array) -> Array:
     positive = np.maximum(t, np.finfo(float).tiny)
     above = np.log(positive) + log_ndtr(positive) + 0.5 * positive**2 + 0.5 * np.log(2 * np.pi)
     log_sum = np.maximum(above, 0.0) + np.log1p(np.exp(-np.abs(above)))  # of 1 and exp(above); lets nan pass quietly
-    tail: Array = np.where(t > 0, log_sum, np.log(np.maximum(below, np.finfo(float).tiny)))
-    return tail
+    return np.asarray(np.where(t > 0, log_sum, np.log(np.maximum(below, np.finfo(float).tiny))))
 
 
 @lru_cache(maxsize=64)

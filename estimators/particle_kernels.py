@@ -4,26 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cooploc.estimators import random_numbers
-from cooploc.estimators.compiled import (
-    COMPACT,
-    arc,
-    exp,
-    extent,
-    fill,
-    inlined,
-    is_single,
-    kernel,
-    ln,
-    load,
-    log,
-    log1p_compact,
-    order,
-    readable,
-    row_buffer,
-    store,
-    wide,
-)
+from cooploc.estimators import compiled, random_numbers
+from cooploc.estimators.compiled import extent, fill, inlined, is_single, kernel, ln, load, row_buffer, store, wide
 from cooploc.estimators.interface import Array, Indices
 from cooploc.estimators.models import NEAR, TOO_NEAR_TO_RANGE
 
@@ -33,7 +15,7 @@ FRACTION = 40  # bits behind the point of an expected count
 def systematic(w: Array, u: Array) -> Indices:
     """Resample systematically: ancestors (r, n) by weights w (r, n) that sum to one and a uniform u (r,) per row."""
     out = np.empty(w.shape, np.int64)
-    _fill_ancestors(readable(w), readable(u), out)
+    _fill_ancestors(compiled.readable(w), compiled.readable(u), out)
     return out
 
 
@@ -186,7 +168,7 @@ def _write_link(kind, links, count, box, link, sensor):
     largest = far_x * far_x + far_y * far_y  # nan where a particle is, and then the link counts as near
     least = near_x * near_x + near_y * near_y
     middle = (least + largest) / 2
-    if least > NEAR**2 and largest - least <= 2 * COMPACT * middle:
+    if least > NEAR**2 and largest - least <= 2 * compiled.COMPACT * middle:
         k, ln_D = far, ln(middle)
         far += 1
     else:
@@ -278,7 +260,7 @@ def _link(kind, far, x, y, link, slope):
         return zero, rest * rest, one + (min(q, vague) if is_single(q) else q)
     if far:
         D = D * inverse if is_single(D) else D
-        ln_D = log1p_compact(D - one if is_single(D) else D * inverse - one)
+        ln_D = compiled.log1p_compact(D - one if is_single(D) else D * inverse - one)
         q = min(q, vague) if is_single(q) else q
     else:
         q = q if near < D else zero
@@ -373,14 +355,14 @@ def _add_direction(form, row, angle, shift, sides, gain):
                 e = four * (_direction((p - q) / b, (p + q) / a) - angle)
             else:
                 gx, gy = p + q, p - q
-                e = arc(gy * sy - gx * sx, gx * cx + gy * cy)
+                e = compiled.arc(gy * sy - gx * sx, gx * cx + gy * cy)
         logw[i] += gain * (e * e)
 
 
 @inlined
 def _direction(north, east):
     """arctan2 in (-pi, pi]."""
-    angle = arc(north, east)
+    angle = compiled.arc(north, east)
     return -angle if north < 0 else angle
 
 
@@ -393,7 +375,7 @@ def _log_ratios(w, s, a, b):
     D1, D2 = max(w2 + s2, near), max(w2 + n2, near)
     D3, D4 = max(e2 + n2, near), max(e2 + s2, near)
     inverse = real(1) / (D3 * D4)
-    return log(D1 * D4 * inverse), log(D2 * D3 * inverse)
+    return compiled.log(D1 * D4 * inverse), compiled.log(D2 * D3 * inverse)
 
 
 # The two passes of a tick over rows, each row by itself, in buffers. Python hands over plain tuples: numba needs a
@@ -446,12 +428,12 @@ def _move(rows, r, way, sd, noise):
     wide()
     n, real = rows.shape[1], rows.dtype.type
     way, sd = real(0.0 if np.isnan(way) else way), real(sd)
-    low = high = order(rows[r, 0] + way + sd * noise[0])
+    low = high = compiled.order(rows[r, 0] + way + sd * noise[0])
     for i in range(n):
         noise[i] = rows[r, i] + way + sd * noise[i]
-        low, high = min(low, order(noise[i])), max(high, order(noise[i]))
+        low, high = min(low, compiled.order(noise[i])), max(high, compiled.order(noise[i]))
     fill(noise, n, noise[0])
-    return order(low), order(high)
+    return compiled.order(low), compiled.order(high)
 
 
 @inlined
@@ -513,7 +495,7 @@ def _compute_moments(row, n, w):
         top = zero
     total, squares, mx, my = zero, zero, zero, zero
     for i in range(len(logw)):
-        w[i] = exp(logw[i] - top)
+        w[i] = compiled.exp(logw[i] - top)
         total += w[i]
         squares += w[i] * w[i]
         mx += w[i] * X[i]

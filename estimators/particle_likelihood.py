@@ -8,28 +8,21 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from cooploc.estimators import particle_kernels
 from cooploc.estimators.compiled import readable
 from cooploc.estimators.interface import Array, Belief, Motion, Sensor
 from cooploc.estimators.models import Displacement, GradientDoa, LogDistance, Range
-from cooploc.estimators.particle_kernels import (
-    FORMS,
-    add_anchor_rows,
-    add_gradient_rows,
-    add_teammate_rows,
-    add_window_rows,
-)
 from cooploc.estimators.robust import Loss, loss_of, lost
 
 
 def pack(belief: Belief) -> Array:
-    """Return the packet (r, 5) of a belief's position."""
-    x, P = belief
-    return np.stack([x[:, 0], x[:, 1], P[:, 0, 0], P[:, 0, 1], P[:, 1, 1]], -1)
+    """Return the packet (..., 5) of a belief's position."""
+    return np.concatenate([belief.x[..., :2], belief.P[..., [0, 0, 1], [0, 1, 1]]], -1)
 
 
-def unpack(packet: Array) -> tuple[Array, Array]:
-    """Return the position (r, 2) and covariance (r, 2, 2) of a packet (r, 5)."""
-    return packet[:, :2], np.stack([packet[:, 2:4], packet[:, 3:5]], -2)
+def unpack(packet: Array) -> Belief:
+    """Return the position (..., 2) and covariance (..., 2, 2) of a packet (..., 5)."""
+    return Belief(packet[..., :2], packet.take([[2, 3], [3, 4]], -1))
 
 
 Fixed = tuple[Sensor, Array, Array]  # sensor, place (2,) and readings (r, 1) of a fixed place, as of `World.fixed`
@@ -45,7 +38,7 @@ def anchors(fixed: Sequence[Fixed], x: Array, logw: Array) -> Array:
     readings = anchor_readings(fixed, len(x))
     if readings is None:
         return anchors_reference(fixed, x, logw)
-    return fill_rows(add_anchor_rows, x, logw, readings)
+    return fill_rows(particle_kernels.add_anchor_rows, x, logw, readings)
 
 
 def anchor_readings(fixed: Sequence[Fixed], rows: int) -> tuple[Array, Array, float, float, float] | None:
@@ -104,7 +97,7 @@ def teammates(heard: ReceivedPackets, x: Array, logw: Array) -> Array:
     """
     if not heard.has_loop:
         return teammates_reference(heard, x, logw)
-    return fill_rows(add_teammate_rows, x, logw, heard.for_loop())
+    return fill_rows(particle_kernels.add_teammate_rows, x, logw, heard.for_loop())
 
 
 def teammates_reference(heard: ReceivedPackets, x: Array, logw: Array) -> Array:
@@ -127,7 +120,7 @@ def window(
     """Add to `logw` (r, N) `power` times the log-density of past directions (r, M) [rad], nan where absent.
 
     Each is taken at the particle of x (r, N, d) shifted back along the path; `trail` (r, M, 2) is where the robot was
-    then, seen from where it is now. The form is "exact", or a constant sigma with one of the residuals of `FORMS`.
+    then, seen from where it is now. The form is "exact", or a constant sigma with one of the residuals, `FORMS`.
     """
     if form == "exact" or doa.loss != "none":
         return window_reference(doa, motion, x, logw, angles, trail, form, power)
@@ -139,7 +132,7 @@ def window(
         return logw
     corner, sides = np.array(doa.corner), np.array(doa.sides)
     directions = readable(angles), readable(trail), corner, sides, -0.5 * power / doa.sigma**2
-    return fill_rows(add_window_rows, x, logw, directions, FORMS[form])
+    return fill_rows(particle_kernels.add_window_rows, x, logw, directions, particle_kernels.FORMS[form])
 
 
 def window_reference(
@@ -191,7 +184,7 @@ def gradient(doa: GradientDoa, x: Array, logw: Array, g: Array) -> Array:
         return logw + np.where(absent, 0.0, -0.5 * lost(doa.loss, -2 * doa.log_gradient(x, g[:, None, :]), 2))
     slope, sigma = _slope(doa.rssi), float(doa.rssi.sigma)
     gradients = readable(g), np.array(doa.corner), np.array(doa.sides), slope, sigma
-    return fill_rows(add_gradient_rows, x, logw, gradients)
+    return fill_rows(particle_kernels.add_gradient_rows, x, logw, gradients)
 
 
 def fill_rows(kernel: Any, x: Array, logw: Array, *told: Any) -> Array:

@@ -12,23 +12,11 @@ from typing import Any, Literal, NamedTuple, TypeVar
 
 import numpy as np
 
-from cooploc.estimators import particle_likelihood, random_numbers
+from cooploc.estimators import models, particle_likelihood, random_numbers
 from cooploc.estimators.compiled import readable
 from cooploc.estimators.errors import BadInput, require
 from cooploc.estimators.interface import Array, Belief, Keys, Mail, Mask, Motion, Rows, Senses, Sensor, World
-from cooploc.estimators.models import (
-    LEAST,
-    MOST,
-    TOO_NEAR_TO_RANGE,
-    Displacement,
-    Range,
-    Sighting,
-    circular_mean,
-    gradient_doa,
-    inflate,
-    wrap,
-    wrap_heading,
-)
+from cooploc.estimators.models import Displacement, circular_mean, gradient_doa, wrap, wrap_heading
 from cooploc.estimators.particle_kernels import BANDWIDTH, advance_rows, conclude_rows, systematic
 from cooploc.estimators.particle_likelihood import Fixed, ReceivedPackets, log_density, planes, teammates
 from cooploc.estimators.robust import loss_of
@@ -83,7 +71,7 @@ def posterior_summary(x: Array, logw: Array, heard: ReceivedPackets | None = Non
         return moments(x, w), restart_weights(logw), poor(w)
     belief = Belief(np.empty((len(x), 2)), np.empty((len(x), 2, 2)))
     logw_new, due = np.empty_like(logw, order="C"), np.empty(len(x), np.bool_)
-    heard = heard or ReceivedPackets(Range(), np.empty((len(x), 0, 5)), np.empty((len(x), 0)), False)
+    heard = heard or ReceivedPackets(models.Range(), np.empty((len(x), 0, 5)), np.empty((len(x), 0)), False)
     conclude_rows(planes(x), readable(logw), heard.for_loop(), tuple(belief), logw_new, due)
     return belief, logw_new, due
 
@@ -276,7 +264,7 @@ def explain(cls: C) -> C:
 def require_limits(p: Any, **limits: tuple[float, float]) -> None:
     """Refuse a parameter that is outside its limits by a ValueError with its name, its value and the limits."""
     require(p, particles=(2, 1_000_000), M=(1, 10_000), K=(1, 10_000), box=(1e-9, 1e6), decay=(1e-9, 1))
-    require(p, inflation=(LEAST, MOST), **limits)
+    require(p, inflation=(models.LEAST, models.MOST), **limits)
 
 
 def own_channels(p: Any) -> tuple[str, ...]:
@@ -315,7 +303,7 @@ class FilterState(NamedTuple):
 
 def init(p: Any, prior: Belief, world: World, rows: Rows) -> FilterState:
     """Draw particles from the prior, with empty memories."""
-    world = inflate(world, p.inflation, p.loss)
+    world = models.inflate(world, p.inflation, p.loss)
     if _anchor_kind(p, world) in ("doa", "gradient"):
         gradient_doa(world)
     reach = float(np.abs(world.arena).max())
@@ -452,6 +440,6 @@ def team_readings(world: World, z: Senses, mail: Mail) -> tuple[Sensor, Array]:
     channels = {"sighting": z.sighting, "radio_rssi": mail.rssi[..., None], "radio_range": mail.range[..., None]}
     name = next(channel for channel in channels if channel in world.sensors)
     sensor, reading = world.sensors[name], channels[name]
-    ranged = isinstance(sensor, Range | Sighting)
-    refused = ~mail.heard[..., None] | (ranged & (reading[..., :1] < TOO_NEAR_TO_RANGE))
+    ranged = isinstance(sensor, models.Range | models.Sighting)
+    refused = ~mail.heard[..., None] | (ranged & (reading[..., :1] < models.TOO_NEAR_TO_RANGE))
     return sensor, np.where(refused, np.nan, reading)

@@ -180,8 +180,6 @@ def test_literal_split_ci_of_independent_priors_is_the_naive_filter():
         "ekf-gs-ci",
         "ekf-luft",
         "ekf-interim",
-        "ukf-joint",
-        "ukf-joint[anchor_reading=doa-constant]",
     ],
 )
 def test_batched_is_filterpy(label, robots):

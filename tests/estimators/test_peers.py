@@ -49,6 +49,15 @@ def test_what_computes_the_same_agrees_to_rounding(name, label):
     np.testing.assert_allclose(theirs.P, ours.P, atol=1e-10)
 
 
+@pytest.mark.parametrize("label", ["robots-1-3/n=1", "camera/n=1"])
+def test_the_joint_unscented_filter_of_one_robot_is_filterpys(label):
+    _, stream = cl.simulate(label, trials=2, ticks=25, seed=3)
+    ours = cl.make("ukf-joint", anchor_reading="rssi", gate=np.inf, alpha=0.5)
+    theirs, ours = trace("theirs", peer(f"{FILTERPY}:Ukf"), stream), trace("ours", ours, stream)
+    np.testing.assert_allclose(theirs.x, ours.x, atol=1e-9)
+    np.testing.assert_allclose(theirs.P, ours.P, atol=1e-9)
+
+
 @pytest.mark.parametrize("label", WORLDS)
 @pytest.mark.parametrize("name", CLOSE)
 def test_other_approximations_stay_within_what_ours_says_of_itself(name, label):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import cooploc as cl
-from cooploc.estimators.interface import Belief, Mail, Senses
+from cooploc.estimators.interface import Belief, Senses
 from cooploc.estimators.kalman import kalman
 
 CASES = [("robots-1-3/n=3", None, 4), ("camera/n=3", 4, 5)]
@@ -18,15 +18,13 @@ def a_tick(label):
         name: getattr(stream.senses, name)[:, 3].reshape(6, *getattr(stream.senses, name).shape[3:])
         for name in Senses._fields[:-1]
     }
-    link = stream.air.link[:, 3].reshape(6, 3)
-    rssi, away = (np.where(link, a[:, 3].reshape(6, -1) if a.shape[-1] else np.nan, np.nan) for a in stream.air[1:])
     prior = Belief(*(a.reshape(6, *a.shape[2:]) for a in stream.prior))
-    return stream.world, Senses(**arrays, extra={}), Mail(link, np.empty((6, 3, 0)), rssi, away), prior
+    return stream.world, Senses(**arrays, extra={}), prior
 
 
 @pytest.mark.parametrize(("label", "heading", "width"), CASES)
 def test_the_models_of_a_wider_state_are_those_of_its_pose(label, heading, width):
-    world, z, _, prior = a_tick(label)
+    world, z, prior = a_tick(label)
     layout = cl.Layout(width, heading)
     wide, told = layout.world(world), layout.prior(prior, np.full(width - len(layout.pose), 0.5))
     np.testing.assert_array_equal(layout.estimate(*told).x, prior.x)
@@ -43,20 +41,13 @@ def test_the_models_of_a_wider_state_are_those_of_its_pose(label, heading, width
 
 @pytest.mark.parametrize("label", ["robots-1-3/n=3", "camera/n=3"])
 def test_one_vector_a_tick_has_the_information_of_its_readings(label):
-    world, z, mail, prior = a_tick(label)
-    mates = Belief(
-        np.stack([prior.x[[3 * (r // 3) + j for r in range(6)]] for j in range(3)], 1), np.stack([prior.P] * 3, 1)
-    )
-    y, H, R = world.stack(prior.x, z, mail, mates)
+    world, z, prior = a_tick(label)
+    y, H, R = world.stack(prior.x, z)
     for r in range(6):
         there, information = np.isfinite(y[r]), np.zeros((prior.x.shape[-1],) * 2)
         for sensor, q, reading in world.fixed(z):
             _, h, _ = sensor.innovation(prior.x[r], q, reading[r])
             information += h.T @ np.linalg.inv(sensor.R) @ h * np.isfinite(reading[r]).all()
-        for sensor, j, reading in world.relative(z, mail):
-            _, h, hq = sensor.innovation(prior.x[r], mates.x[r, j, :2], reading[r])
-            cov = sensor.R + hq @ mates.P[r, j, :2, :2] @ hq.T
-            information += h.T @ np.linalg.inv(cov) @ h * np.isfinite(reading[r]).all()
         h = H[r, there]
         np.testing.assert_allclose(h.T @ np.linalg.inv(R[r][np.ix_(there, there)]) @ h, information, atol=1e-9)
         assert there.sum() > 3
