@@ -61,23 +61,17 @@ def make(configured: str | ConfiguredEstimator, **parameters: Any) -> Any:
 
     Raises:
         BadInput: an unknown name or parameter, or a value that does not fit; says the nearest known one.
-
     """
     asked = configure(configured) if isinstance(configured, str) else configured
+    found, preset = REGISTRY.find(asked.name), {}
     if asked.builtin:
-        place, preset = REGISTRY.find(asked.name)
+        place, preset = found
         found = load_object(place, f"the estimator {asked.name!r}")
-        return build(asked.name, found, {**preset, **asked.parameters, **parameters})
-    return build(asked.name, REGISTRY.find(asked.name), {**asked.parameters, **parameters})
+    return build(asked.name, found, {**preset, **asked.parameters, **parameters})
 
 
 def configure(label: str) -> ConfiguredEstimator:
-    """Read a label, once; `make` turns it into an instance.
-
-    Raises:
-        BadInput: the label cannot be read.
-
-    """
+    """Read a label, once, or raise BadInput; `make` turns it into an instance."""
     name, parameters = parse(label)
     if (given := shorten_labels(label).partition("[")[0].strip()) != name and given in names():
         raise BadInput(f"an estimator is called {given!r} already: give {name} another name")

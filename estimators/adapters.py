@@ -52,12 +52,7 @@ def seed_global_state(key: Keys, *place: int) -> Iterator[None]:
 
 
 def parameters(make: Callable[..., Any], given: tuple[str, ...]) -> dict[str, Parameter] | None:
-    """Return what a class or function takes after the arguments that it is always given, by name; None: any name.
-
-    Raises:
-        TypeError: it cannot be called with `given`.
-
-    """
+    """Return what a class or function takes after those `given`, by name; None: any name; TypeError: not even these."""
     try:
         taken = list(signature(make).parameters.values())
     except ValueError:  # written in C
@@ -260,7 +255,6 @@ class PerRobot(Adapter):
 
     Raises:
         TypeError: `make` does not take the four arguments, or has no such parameter.
-
     """
 
     given: ClassVar[tuple[str, ...]] = ("prior", "world", "robot", "key")
@@ -290,7 +284,6 @@ class Radio:
         heard (n, n): who has received a packet of whom in this tick.
         rssi, range (n, n): readings [dBm], [m] of those packets; nan elsewhere.
         messages, bytes (n,): what each robot has sent in this tick.
-
     """
 
     def __init__(self, air: Mail, awake: Mask, centralised: bool = False) -> None:
@@ -359,7 +352,6 @@ class PerTeam(Adapter):
 
     Raises:
         TypeError: `make` does not take the three arguments, or has no such parameter.
-
     """
 
     centralised: bool

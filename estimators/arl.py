@@ -9,10 +9,9 @@ mobile robots", VTC-Fall 2020, as Latif & Parasuraman use it ("ARL").
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
-import numpy as np
-
 from cooploc.estimators import particles as shared
-from cooploc.estimators.interface import Array, Mail, Senses
+from cooploc.estimators.dead_reckoning import send_nothing
+from cooploc.estimators.interface import Mail, Senses
 from cooploc.estimators.robust import AssumedLoss
 from cooploc.estimators.tunable import tunable
 
@@ -43,6 +42,7 @@ class Arl:
     init = shared.init
     predict = shared.predict
     correct = shared.correct
+    send = send_nothing
     estimate = shared.estimate
 
     def __post_init__(self) -> None:
@@ -54,9 +54,6 @@ class Arl:
         if self.anchor_reading == "rssi":
             return "consistent but for the number of particles"
         return "over-confident: a constant angle error, smoothed angles"
-
-    def send(self, s: shared.FilterState, z: Senses) -> Array:
-        return np.empty((len(s.x), 0))
 
     def fuse(self, s: shared.FilterState, z: Senses, mail: Mail) -> shared.FilterState:
         return shared.resample_and_estimate(self, s)

@@ -1,6 +1,5 @@
 """Make an estimator from its class and the parameters that a user wrote, each converted to its annotation."""
 
-import warnings
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
@@ -23,12 +22,7 @@ def is_plain(found: Any) -> bool:
 
 
 def adapt(name: str, plain: Any) -> PerRobot | PerTeam:
-    """Return a plain class as an estimator: of a team where it has `exchange`, else of one robot.
-
-    Raises:
-        BadInput: it does not say what it reads, or cannot be called as `PerRobot` or `PerTeam` calls it.
-
-    """
+    """Return a plain class as an estimator: of a team with `exchange`, else of a robot; BadInput where it is unfit."""
     adapter: type[PerRobot | PerTeam] = PerTeam if hasattr(plain, "exchange") else PerRobot
     if not hasattr(plain, "uses"):
         raise BadInput(
@@ -60,49 +54,46 @@ class ConfiguredEstimator:
 def build(name: str, found: Any, given: Mapping[str, Any]) -> Any:
     """Return an instance of the class `found`, what a function returns, or `found` itself where it is an instance.
 
-    A plain class is adapted; what `PerRobot` or `PerTeam` made takes the parameters of the class inside.
-
-    Raises:
-        BadInput: an unknown parameter, a value that does not fit, or a class that cannot be instantiated.
-
+    A plain class is adapted; what `PerRobot` or `PerTeam` made takes the parameters of the class inside. BadInput: an
+    unknown parameter, a value that does not fit, or a class that cannot be instantiated.
     """
     found = adapt(name, found) if is_plain(found) else found
     if isinstance(found, Adapter):
         return found.with_parameters(**_check_parameters(name, found.make, found.given, given)) if given else found
-    if isfunction(found) or isinstance(found, type):
-        return _instantiate(name, found, _check_parameters(name, found, (), given))
-    if given:
-        raise BadInput(f"{name} is an instance and takes no parameters: name its class instead")
-    return found
+    if not (isfunction(found) or isinstance(found, type)):
+        if given:
+            raise BadInput(f"{name} is an instance and takes no parameters: name its class instead")
+        return found
+    checked = _check_parameters(name, found, (), given)
+    try:
+        return found(**checked)
+    except MemoryError:  # of the machine, not of the class
+        raise
+    except ValueError as e:  # a parameter that does not fit
+        raise BadInput(f"estimator {name!r}, {message(e)}") from e
+    except (Exception, SystemExit, GeneratorExit) as e:  # a constructor may fail in any way
+        raise BadInput(_needs_arguments(name, one_line(e))) from e
 
 
 def _check_parameters(name: str, make: Any, always: tuple[str, ...], given: Mapping[str, Any]) -> dict[str, Any]:
     """Return the given parameters, converted; `make` is called with those named in `always`, too."""
     known = taken_by(make, always)  # None: it takes any name
-    if known is None:
-        return {key: _convert_value(name, make, key, value, None) for key, value in given.items()}
-    known.pop("uses", None)
-    converted = {}
-    for written, value in given.items():
-        key = written
-        if key not in known and RENAMED.get(key) in known:
-            key = RENAMED[key]
-            warnings.warn(f"estimator {name!r}: write {key}= instead of {written}=", FutureWarning, stacklevel=4)
-        if key not in known:
-            has = nearest(key, list(known)) if known else "it has none"
-            raise BadInput(f"estimator {name!r} has no parameter {key!r}; {has}")
-        converted[key] = _convert_value(name, make, key, value, known[key].default)
-    missing = [key for key, one in known.items() if one.default is one.empty and key not in converted]
-    if missing:
-        raise BadInput(_needs_arguments(name, f"it needs {missing[0]}"))
-    return converted
+    if known is not None:
+        known.pop("uses", None)
+        given = {key if key in known else RENAMED.get(key, key): value for key, value in given.items()}
+        if unknown := [key for key in given if key not in known]:
+            has = nearest(unknown[0], list(known)) if known else "it has none"
+            raise BadInput(f"estimator {name!r} has no parameter {unknown[0]!r}; {has}")
+        if missing := [key for key, one in known.items() if one.default is one.empty and key not in given]:
+            raise BadInput(_needs_arguments(name, f"it needs {missing[0]}"))
+    kinds = {key: type(unpack_default(known[key].default)) if known else type(None) for key in given}
+    return {key: _convert_value(name, make, key, value, kinds[key]) for key, value in given.items()}
 
 
-def _convert_value(name: str, make: Any, key: str, value: Any, default: Any) -> Any:
-    """Return a parameter's value, converted to the type of its annotation; where it has none, of its default."""
-    kind: Any = type(unpack_default(default))
+def _convert_value(name: str, make: Any, key: str, value: Any, default: type) -> Any:
+    """Return a parameter's value, converted to its annotation; where it has none, to the type of its default."""
     try:
-        return _type_adapter(make, key, kind).validate_python(value)
+        return _type_adapter(make, key, default).validate_python(value)
     except ValidationError as e:
         first = e.errors()[0]
         where = (part for part in first["loc"] if part not in ("int", "float"))  # of a union: no key that was given
@@ -119,18 +110,6 @@ def _type_adapter(make: Any, key: str, default: type) -> TypeAdapter[Any]:
         with suppress(NameError, TypeError):  # a dataclass's may repeat names of another module; a partial has none
             hints |= get_type_hints(annotated, include_extras=True)
     return TypeAdapter(hints.get(key, UNSAID.get(default, WORD)))
-
-
-def _instantiate(name: str, cls: Any, given: dict[str, Any]) -> Any:
-    """Call a class or a function."""
-    try:
-        return cls(**given)
-    except MemoryError:  # of the machine, not of the class
-        raise
-    except ValueError as e:  # a parameter that does not fit
-        raise BadInput(f"estimator {name!r}, {message(e)}") from e
-    except (Exception, SystemExit, GeneratorExit) as e:  # a constructor may fail in any way
-        raise BadInput(_needs_arguments(name, one_line(e))) from e
 
 
 def _needs_arguments(name: str, why: str) -> str:

@@ -53,7 +53,6 @@ class ChannelPf:
 
     Args:
         reading: of a packet, where no camera sees teammates: "rssi" [dBm] or "range" [m].
-
     """
 
     api: ClassVar[int] = 1

@@ -44,7 +44,6 @@ class Cmrl:
         reading: of a packet, where no camera sees teammates: "rssi" [dBm] or "range" [m].
         samples: particles in a packet, 2 to 10 000.
         apart: distance [m] that the robot travels before it uses a detection of the same teammate again; 0 uses all.
-
     """
 
     api: ClassVar[int] = 1

@@ -55,11 +55,7 @@ def solve_relative(
     w is in [LEAST, 1]. It is 1, which leaves the belief as it is, where anything is nan, where the sender knows nothing
     (every variance infinite), and where the reading cannot help. The criterion is about so many leading states as
     `block` says. "cvxpy" takes states of two numbers. It stacks the fusions of one group (K,), which change one another
-    in the last bits.
-
-    Raises:
-        BadInput: a covariance that is none.
-
+    in the last bits. A covariance that is none raises BadInput.
     """
     P_i, P_j = np.array(P_i, float, order="C"), np.array(P_j, float, order="C")
     R = spread_out(np.asarray(R, float), (len(P_i), H_i.shape[1], H_i.shape[1]))

@@ -310,7 +310,6 @@ class Ctrn:
             by the reading; or "received", a Gaussian of each sender's packets is kept beside them and never sent on.
         weights: "cvxpy" solves a cone program for the weights, "exact" searches them by their slope.
         criterion: what the weights minimise: "trace" [m^2] or "det" [m^4] of the position's covariance.
-
     """
 
     api: ClassVar[int] = 1

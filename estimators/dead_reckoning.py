@@ -1,13 +1,15 @@
 """What every other estimator must beat: dead reckoning, the prior moved by odometry, and on a recording a constant."""
 
 from dataclasses import dataclass
-from typing import ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple, TypeVar
 
 import numpy as np
 
 from cooploc.estimators.interface import Array, Belief, Mail, Rows, Senses, World
 from cooploc.estimators.kalman import symmetric
 from cooploc.estimators.models import wrap_heading
+
+S = TypeVar("S")
 
 
 class State(NamedTuple):
@@ -16,6 +18,21 @@ class State(NamedTuple):
     x: Array  # (r, d)
     P: Array  # (r, d, d)
     world: World
+
+
+def ignore_senses(p: Any, s: S, z: Senses) -> S:
+    """Return the state as it is."""
+    return s
+
+
+def send_nothing(p: Any, s: Any, z: Senses) -> Array:
+    """Return packets without numbers (r, 0)."""
+    return np.empty((len(s.x), 0))
+
+
+def ignore_mail(p: Any, s: S, z: Senses, mail: Mail) -> S:
+    """Return the state as it is."""
+    return s
 
 
 @dataclass(frozen=True)
@@ -27,6 +44,10 @@ class DeadReckoning:
     consistency: ClassVar[str] = "consistent"
     uses: tuple[str, ...] = ("odometry",)
 
+    correct = ignore_senses
+    send = send_nothing
+    fuse = ignore_mail
+
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
         return State(prior.x, prior.P, world)
 
@@ -34,15 +55,6 @@ class DeadReckoning:
         """x' = f(x, u),  P' = F P F' + Q."""
         x, F, Q = s.world.motion.move(s.x, z.odometry, z.dt)
         return s._replace(x=x, P=symmetric(F @ s.P @ F.mT + Q))
-
-    def correct(self, s: State, z: Senses) -> State:
-        return s
-
-    def send(self, s: State, z: Senses) -> Array:
-        return np.empty((len(s.x), 0))
-
-    def fuse(self, s: State, z: Senses, mail: Mail) -> State:
-        return s
 
     def estimate(self, s: State) -> Belief:
         return Belief(wrap_heading(s.x), s.P)
@@ -58,6 +70,11 @@ class Constant:
     own_motion: ClassVar[str] = "it does not move"
     uses: tuple[str, ...] = ()
 
+    predict = ignore_senses
+    correct = ignore_senses
+    send = send_nothing
+    fuse = ignore_mail
+
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
         """x = (lower + upper)/2,  P = (upper - lower)^2/12 of the rectangle around fixed things, or of the arena."""
         fixed = np.concatenate([world.anchors, world.landmarks])
@@ -71,19 +88,6 @@ class Constant:
         variance[:2] = np.maximum(upper - lower, 0.1) ** 2 / 12
         P[:, np.arange(d), np.arange(d)] = variance
         return State(x, P, world)
-
-    def predict(self, s: State, z: Senses) -> State:
-        """x' = x,  P' = P."""
-        return s
-
-    def correct(self, s: State, z: Senses) -> State:
-        return s
-
-    def send(self, s: State, z: Senses) -> Array:
-        return np.empty((len(s.x), 0))
-
-    def fuse(self, s: State, z: Senses, mail: Mail) -> State:
-        return s
 
     def estimate(self, s: State) -> Belief:
         return Belief(s.x, s.P)

@@ -58,7 +58,6 @@ class EkfJoint:
         speed: standard deviation of a random velocity along each axis [m/s].
         turn_rate: standard deviation of a random turn rate [rad/s].
         hold: how long a random velocity lasts before another one [s].
-
     """
 
     api: ClassVar[int] = 1

@@ -6,11 +6,9 @@ Source: S. Thrun, W. Burgard, D. Fox, "Probabilistic Robotics", 2005, table 7.2.
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
-
 from cooploc.estimators import kalman
-from cooploc.estimators.dead_reckoning import State
-from cooploc.estimators.interface import Array, Belief, Mail, Rows, Senses, World
+from cooploc.estimators.dead_reckoning import State, ignore_mail, send_nothing
+from cooploc.estimators.interface import Belief, Rows, World
 from cooploc.estimators.models import AnchorReading
 from cooploc.estimators.robust import AssumedLoss
 from cooploc.estimators.tunable import tunable
@@ -33,6 +31,8 @@ class EkfLocal:
     uses = property(kalman.own_channels)
     predict = kalman.predict_belief
     correct = kalman.correct_belief
+    send = send_nothing
+    fuse = ignore_mail
     estimate = kalman.estimate_belief
 
     def __post_init__(self) -> None:
@@ -40,9 +40,3 @@ class EkfLocal:
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
         return State(prior.x, prior.P, kalman.assume(self, world))
-
-    def send(self, s: State, z: Senses) -> Array:
-        return np.empty((len(s.x), 0))
-
-    def fuse(self, s: State, z: Senses, mail: Mail) -> State:
-        return s

@@ -66,12 +66,7 @@ def message(e: BaseException) -> str:
 
 
 def require(owner: Any, **limits: tuple[float, float]) -> None:
-    """Refuse parameters outside their limits, both included; nan is outside of any.
-
-    Raises:
-        ValueError: names the parameter, its value and the limits.
-
-    """
+    """Refuse parameters outside their limits, both included, by a ValueError; nan is outside of any."""
     for name, (low, high) in limits.items():
         value = getattr(owner, name)
         if not low <= value <= high:

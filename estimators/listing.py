@@ -16,7 +16,6 @@ from cooploc.estimators.registry import parse, source_of, traits
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-
 ONCE = "density=exact,M=1,K=1"  # every direction is used once, with its exact density
 HOW = ("engine", "weights")  # parameters of how a result is computed, not of what it is
 
@@ -38,12 +37,9 @@ class Configurations(NamedTuple):
 
 
 KNOWN = {
-    "arl": Configurations("arl", f"arl[{ONCE}]"),
-    "mrsl-rssi": Configurations("mrsl-rssi", f"mrsl-rssi[{ONCE}]"),
-    "mrsl-distance": Configurations("mrsl-distance", f"mrsl-distance[{ONCE}]"),
+    **{name: Configurations(name, f"{name}[{ONCE}]") for name in ("arl", "mrsl-rssi", "mrsl-distance", "channel-pf")},
     "cmrl": Configurations("cmrl", f"cmrl[{ONCE},apart=1]"),
     "reciprocal-pf": Configurations("reciprocal-pf", f"reciprocal-pf[{ONCE},report=before]"),
-    "channel-pf": Configurations("channel-pf", f"channel-pf[{ONCE}]"),
     # received beliefs are nearest to the paper's words on it; the default fuses moments
     "ctrn": Configurations("ctrn[fusion=received]", f"ctrn[{ONCE},fusion=received]"),
 }
@@ -58,16 +54,17 @@ def configurations(name: str) -> Configurations:
 def standing(label: str) -> str:
     """Return "preset", "letter", "code" or "at its best"; empty where it is none, or the method has only one."""
     name = parse(label)[0]
+    if name not in KNOWN:
+        return ""
     try:
-        made = make(label) if name in KNOWN else None
+        made = make(label)
     except BadInput:
-        made = None
-    if made is None:
         return ""
     named = {"preset": name, "at its best": KNOWN[name].best}
     if name in READ:
         named |= {"letter": f"{name}[{READ[name]}]", "code": f"{name}[{CODE}]"}
-    for word, other in ((word, make(which)) for word, which in named.items()):
+    for word, which in named.items():
+        other = make(which)
         how = {key: getattr(other, key) for key in HOW if hasattr(other, key)}
         if replace(made, **how) == other:
             return word
@@ -94,11 +91,12 @@ def listing() -> "DataFrame":
     from pandas import DataFrame
 
     rows, problems = [], plugin_errors()
-    for name in (name for name in names() if name not in problems):
-        made = make(name)
-        has, about = traits(made), (type(made).__doc__ or "").strip().partition("\n")[0]
-        flags = has.centralised, has.bound, has.offline
-        rows.append((name, about, ", ".join(made.uses), *flags, *configurations(name), source_of(type(made)), ""))
+    for name in names():
+        if name not in problems:
+            made = make(name)
+            has, about = traits(made), (type(made).__doc__ or "").strip().partition("\n")[0]
+            flags = has.centralised, has.bound, has.offline
+            rows.append((name, about, ", ".join(made.uses), *flags, *configurations(name), source_of(type(made)), ""))
     rows += [(name, "", "", *(False,) * 3, "", "", "", reason) for name, reason in problems.items()]
     columns = "name about uses centralised bound offline published best source problem"
     return DataFrame(rows, columns=columns.split())

@@ -390,12 +390,7 @@ def _angle_of(vector: Array) -> Array:
 
 
 def gradient_doa(world: World) -> GradientDoa:
-    """Return the DOA sensor of a world.
-
-    Raises:
-        BadInput: the world's anchors are not four corners in the order (0,0) (0,b) (a,b) (a,0).
-
-    """
+    """Return the DOA sensor of a world; BadInput where its anchors are not four corners (0,0) (0,b) (a,b) (a,0)."""
     rssi, anchors = world.sensors["anchor_rssi"], world.anchors
     if isinstance(rssi, LogDistance) and anchors.shape == (4, 2):
         (ax, ay), (bx, by) = anchors[0].tolist(), anchors[2].tolist()

@@ -27,7 +27,6 @@ class Mrsl:
             be at the mean that it sent.
         neighbour_samples: "one", the newest reading of each teammate, or "M", the product of eq. (5) over its last M
             readings, with the exponent that `temper` sets.
-
     """
 
     api: ClassVar[int] = 1

@@ -27,24 +27,14 @@ _neighbours: dict[str, tuple[Path, bytes]] = {}  # module -> its file, and what 
 
 
 def is_file(name: str) -> bool:
-    """Return whether a name is `path.py:Name`.
-
-    Raises:
-        BadInput: it is a file's path without the name of an object in it.
-
-    """
+    """Return whether a name is `path.py:Name`; BadInput where it is a file's path alone."""
     if name.endswith(".py"):
         raise BadInput(f"{name} is a file: say which of its names, {name}:Name")
     return name.rpartition(":")[0].endswith(".py")
 
 
 def load_from_file(name: str) -> Any:
-    """Return the object that `path.py:Name` names.
-
-    Raises:
-        BadInput: the file has no such name, or cannot be imported; says why in one line.
-
-    """
+    """Return the object that `path.py:Name` names; BadInput says why there is none, or why the file is not imported."""
     file, _, attribute = name.rpartition(":")
     module = _import_file(Path(file))
     if not hasattr(module, attribute):
@@ -65,12 +55,7 @@ def needed_files(sent: bytes) -> dict[str, Path]:
 
 
 def load(files: dict[str, Path]) -> None:
-    """Load the files that another process said are needed.
-
-    Raises:
-        BadInput: one of them cannot be imported, or was edited meanwhile.
-
-    """
+    """Load the files that another process said are needed; BadInput where one is broken, or was edited meanwhile."""
     for name, path in files.items():
         if name not in sys.modules and _import_file(path).__name__ != name:
             raise BadInput(f"{path} was edited after an estimator of it was made: make the estimator again")
@@ -203,12 +188,7 @@ def _imported_names(file: Path) -> set[str]:
 
 
 def artifacts_of(files: Iterable[Path]) -> list[Named]:
-    """Return the files that the classes of these files say they learned, each once: `artifacts = ("weights.npz",)`.
-
-    Raises:
-        BadInput: one of them is not there, or is not a path from the folder of its file.
-
-    """
+    """Return the files that classes name in `artifacts = ("weights.npz",)`, each once; BadInput where one is not."""
     found: dict[Path, str] = {}
     for file in files:
         for cls, names in _literals(file, "artifacts"):

@@ -43,7 +43,6 @@ class ReciprocalPf:
         alpha: probability, in [0, 1], that a particle is drawn again from a detection.
         clusters: of particles in a packet, 1 to 100.
         report: the belief of all particles "after" the draws, or "before" them: the draws are then proposals only.
-
     """
 
     api: ClassVar[int] = 1

@@ -34,12 +34,7 @@ class Registry:
         return [*self.builtin, *(name for name in sorted(self._plugins()) if name not in self.builtin)]
 
     def find(self, name: str) -> Any:
-        """Return the entry of a built-in name, or the object that a plug-in or a file holds.
-
-        Raises:
-            BadInput: an unknown name, a name that two plug-ins claim, or an object that cannot be imported.
-
-        """
+        """Return the entry of a built-in name, or the object of a plug-in or a file; BadInput where there is none."""
         if name in self.builtin:
             return self.builtin[name]
         if is_file(name):
@@ -52,12 +47,7 @@ class Registry:
         return "" if name in self.builtin or is_file(name) else self.place_of(name).partition(":")[0]
 
     def place_of(self, name: str) -> str:
-        """Return `module:Name` of an installed plug-in.
-
-        Raises:
-            BadInput: an unknown name, or one that two plug-ins claim.
-
-        """
+        """Return `module:Name` of an installed plug-in; BadInput where there is none, or two."""
         points = self._plugins().get(name)
         if points is None:
             raise BadInput(f"there is no {self.kind} {name!r}; {nearest(name, self.names())}")
@@ -85,12 +75,7 @@ class Registry:
 
 
 def load_object(place: str, what: str) -> Any:
-    """Return the object at `module:Name`; `what` names it in the error message.
-
-    Raises:
-        BadInput: it cannot be imported; says why.
-
-    """
+    """Return the object at `module:Name`; BadInput says why `what` cannot be imported."""
     module, _, attribute = place.partition(":")
     try:
         return getattr(import_module(module), attribute)
@@ -109,12 +94,7 @@ SHOWN = re.compile(r"(?<![\w./=\[,-])([a-z][a-z0-9-]*)=[^\s\[\],=]*\.py:\w+")
 
 
 def parse(label: str) -> tuple[str, dict[str, str]]:
-    """Read `mrsl-rssi[particles=500,reading=rssi]` as its name and its parameters.
-
-    Raises:
-        BadInput: the label cannot be read.
-
-    """
+    """Read `mrsl-rssi[particles=500,reading=rssi]` as its name and its parameters; BadInput where it is none."""
     match = LABEL.fullmatch(label)
     if match is None or not label.isprintable():
         raise BadInput(f"cannot read {label!r}; write it like mrsl-rssi[particles=500,K=1]")
@@ -175,10 +155,11 @@ def traits(estimator: Any) -> Traits:
 
 def refusal(estimator: Any) -> str:
     """Return the reason why an estimator does not fit this version of the interface; empty where it does."""
-    uses, reason = getattr(estimator, "uses", None), wrong_version(estimator)
-    if not reason and not (isinstance(uses, tuple) and all(isinstance(channel, str) for channel in uses)):
-        return f"uses is {uses!r}; it must be a tuple of channel names, such as ('odometry', 'anchor_rssi')"
-    return reason
+    uses = getattr(estimator, "uses", None)
+    if isinstance(uses, tuple) and all(isinstance(channel, str) for channel in uses):
+        return wrong_version(estimator)
+    unfit = f"uses is {uses!r}; it must be a tuple of channel names, such as ('odometry', 'anchor_rssi')"
+    return wrong_version(estimator) or unfit
 
 
 def wrong_version(estimator: Any) -> str:

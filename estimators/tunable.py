@@ -59,12 +59,11 @@ def tunable(
 
     Raises:
         ValueError: bounds that hold nothing, or both bounds and choices.
-
     """
-    if choices and low is None and high is None:
-        return field(default=default, metadata={KEY: Tunable(default, choices=tuple(choices), where=where)})
-    if choices or low is None or high is None:
+    if bool(choices) != (low is None) or (low is None) != (high is None):
         raise ValueError("give tunable(default, low, high), or tunable(default, choices=(...))")
+    if low is None or high is None:
+        return field(default=default, metadata={KEY: Tunable(default, choices=tuple(choices), where=where)})
     if not -inf < low < high < inf or (log and low <= 0):
         above = " and above 0, as log=True" if log else ""
         raise ValueError(f"tunable bounds are {low} and {high}; they must be finite, low below high{above}")
