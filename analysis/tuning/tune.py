@@ -22,23 +22,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from cooploc.analysis.execution.run import RunProgress, Silent, complete, execute, make_manifest, prepare
-from cooploc.analysis.execution.run_directory import PartKey, Receipt, RunDir, read_run, replace_file
-from cooploc.analysis.execution.workers import Compute, make_workers
+from cooploc.analysis.execution.run import RunProgress, Silent, execute, prepare
+from cooploc.analysis.execution.run_directory import read_run, replace_file
 from cooploc.analysis.metrics import statistics
 from cooploc.analysis.metrics.compare import compare
-from cooploc.analysis.metrics.errors import drop_failed, weighted_means
+from cooploc.analysis.metrics.errors import CELL, drop_failed, weighted_means
 from cooploc.analysis.metrics.sequential import FIXED
-from cooploc.analysis.tuning.search import (
-    Finish,
-    Item,
-    Lane,
-    Pair,
-    race,
-    require_objective,
-    space_of,
-    trial_scores,
-)
+from cooploc.analysis.tuning.search import Finish, Item, Lane, Pair, race, require_objective, space_of, trial_scores
 from cooploc.estimators import configure
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.registry import parse
@@ -99,7 +89,7 @@ def tune(
     require_objective(objective)
     if out.exists() and not (out / "training").is_dir() and (not out.is_dir() or any(out.iterdir())):
         raise BadInput(f"{out} exists and is not the directory of a tuning; name another with --out")
-    watcher, seed, directory = progress or Silent(), derived_seed(study.seed, "training"), RunDir(out / "training")
+    watcher, seed = progress or Silent(), derived_seed(study.seed, "training")
     asked = prepare(study.model_copy(update={"seed": seed}), data, isolate=isolate, say=watcher.say)
     own = lanes(asked.cells, study.training, data)
     competitors = [
@@ -115,17 +105,17 @@ def tune(
                 f"the budget is {budget} trials, and {space.published.label!r} is tuned on {len(mine)} scenarios: give "
                 f"at least --budget {len(mine)}"
             )
-    with make_workers(jobs, None, isolate, watcher.compiling) as compute, directory.lock():
-        (out / RECORD_FILE).unlink(missing_ok=True)
-        scenarios = {one.label: one for lane in own.values() for one in lane.scenarios}
-        watcher.begin(budget * len(competitors), 0)
-        evaluations = Evaluations(asked, scenarios, directory, compute, watcher, objective)
-        sampler_seed = derived_seed(study.seed, "sampler")
-        finishes = [race(space, mine, budget, sampler_seed, evaluations.compute) for space, mine in competitors]
+    (out / RECORD_FILE).unlink(missing_ok=True)
+    watcher.begin(budget * len(competitors), 0)
+    scenarios = {one.label: one for lane in own.values() for one in lane.scenarios}
+    options = {"jobs": jobs, "isolate": isolate}
+    evaluations = Evaluations(asked, scenarios, out / "training", objective, watcher, options)
+    sampler_seed = derived_seed(study.seed, "sampler")
+    finishes = [race(space, mine, budget, sampler_seed, evaluations.compute) for space, mine in competitors]
     tuned = {one.label: one.label for one in asked.estimators} | {one.published: one.best.label for one in finishes}
     _write(out / STUDY_FILE, as_toml(tuned_study(study, tuned, seed, both=False)))
     both = prepare(tuned_study(study, tuned, seed, both=True), data, isolate=isolate)
-    rows = execute(both, out / "fresh", jobs=jobs, check=check, isolate=isolate, progress=watcher)
+    rows = execute(both, out / "fresh", check=check, progress=watcher, **options)
     record = {
         "study": study.model_dump(mode="json"),
         "budget": budget,
@@ -173,17 +163,14 @@ def _write(file: Path, text: str) -> None:
 
 @dataclass
 class Evaluations:
-    """Scores of configurations on training trials, each computed once and kept in a run directory.
-
-    A part is one configuration on one scenario's trials, as in any run.
-    """
+    """Scores of configurations on training trials, each computed once and kept in a run directory."""
 
     training: ResolvedStudy  # its study has the training seed; its cells are replaced by what is asked for
     scenarios: Mapping[str, ResolvedScenario]
-    directory: RunDir
-    run: Compute
-    watcher: RunProgress
+    folder: Path
     objective: str
+    watcher: RunProgress
+    options: Mapping[str, Any]  # of `execute`
     scores: dict[Pair, float] = field(default_factory=dict)
     streams: dict[Item, str] = field(default_factory=dict)  # hashes of what tuning has seen
 
@@ -192,29 +179,21 @@ class Evaluations:
         pairs = list(pairs)
         upto: dict[str, dict[str, int]] = {}  # of each scenario as many trials of each configuration as it needs
         for label, item in pairs:
-            if (label, item) not in self.scores:
-                trials = upto.setdefault(item.scenario, {})
-                trials[label] = max(trials.get(label, 0), item.trial + 1)
+            trials = upto.setdefault(item.scenario, {})
+            trials[label] = max(trials.get(label, 0), item.trial + 1)
         cells = tuple(
             ResolvedCell("training", self.scenarios[label], trials, tuple(map(configure, trials)), next(iter(trials)))
             for label, trials in upto.items()
         )
-        if cells:
-            asked = self.training._replace(cells=cells)
-            self.directory.open(make_manifest(asked, isolate=True))
-            for key, receipt in complete(asked, self.directory, self.run, Silent()):
-                self._keep(key, receipt)
+        rows = execute(self.training._replace(cells=cells), self.folder, check=False, **self.options)
+        for (scenario, label), part in rows.groupby(CELL, sort=False):
+            scores = trial_scores(part, self.objective).items()
+            found = {(str(label), Item(str(scenario), int(str(trial)))): float(score) for trial, score in scores}
+            self.watcher.advance(f"{scenario} · {label}", len(found.keys() - self.scores.keys()), 0)
+            self.scores |= found
+        for row in rows.dropna(subset="stream").drop_duplicates(["scenario", "trial"]).itertuples():
+            self.streams[Item(str(row.scenario), int(str(row.trial)))] = str(row.stream)
         return {pair: self.scores[pair] for pair in pairs}
-
-    def _keep(self, key: PartKey, receipt: Receipt) -> None:
-        rows = self.directory.read_rows({(key.scenario, key.estimator): key.trials.stop}, {key: receipt})
-        scores = {Item(key.scenario, int(str(n))): float(s) for n, s in trial_scores(rows, self.objective).items()}
-        new = sum((key.estimator, item) not in self.scores for item in scores)
-        if new:
-            self.watcher.advance(f"{key.scenario} · {key.estimator}", new, receipt.failed)
-        self.scores |= {(key.estimator, item): score for item, score in scores.items()}
-        hashes: pd.Series[Any] = rows.dropna(subset="stream").groupby("trial")["stream"].first()
-        self.streams |= {Item(key.scenario, int(str(trial))): str(found) for trial, found in hashes.items()}
 
 
 # ---- the split of streams
@@ -427,22 +406,21 @@ def order(rows: pd.DataFrame, tuned: Mapping[str, str], by: str = "rmse") -> pd.
     better), "reversed" (the other one is), "appeared" and "vanished" (significant only tuned, or only as published),
     "open" (neither).
     """
-    found: list[dict[str, Any]] = []
+    found = []
     for scenario, part in rows.groupby("scenario", sort=False):
-        values = {
-            str(label): weighted_means(own, ["trial"], ["mse"])["mse"] if by == "rmse" else trial_scores(own, by)
-            for label, own in part.groupby("estimator", sort=False)
-            if len(drop_failed(own)) == len(own)
-        }
-        there = [label for label in tuned if label in values and tuned[label] in values]
-        for a, b in combinations(there, 2):
+        values = pd.DataFrame(
+            {
+                str(label): weighted_means(own, ["trial"], ["mse"])["mse"] if by == "rmse" else trial_scores(own, by)
+                for label, own in part.groupby("estimator", sort=False)
+                if len(drop_failed(own)) == len(own)
+            }
+        )
+        for a, b in combinations([one for one in tuned if one in values and tuned[one] in values], 2):
             row: dict[str, Any] = {"scenario": scenario, "a": a, "b": b}
-            for which, (one, other) in zip(SIDES, ((a, b), (tuned[a], tuned[b])), strict=True):
-                both = pd.concat([values[one], values[other]], axis=1, join="inner").dropna().to_numpy(float)
-                x, y = both[:, 0], both[:, 1]
-                enough = len(x) >= statistics.LEAST_TRIALS and not np.array_equal(x, y)
-                row[f"smaller_{which}"] = "" if not len(x) or x.mean() == y.mean() else a if x.mean() < y.mean() else b
-                row[f"p_{which}"] = _p_value(x, y, by) if enough else np.nan
+            for which, pair in zip(SIDES, ([a, b], [tuned[a], tuned[b]]), strict=True):
+                x, y = values[pair].dropna().to_numpy(float).T
+                row[f"smaller_{which}"] = {1: a, -1: b}.get(np.sign(y.mean() - x.mean()), "")
+                row[f"p_{which}"] = np.nan if np.array_equal(x, y) else _p_value(x, y, by)
             found.append(row)
     columns = [f"{what}_{which}" for which in SIDES for what in ("smaller", "p")]
     table = pd.DataFrame(found, columns=["scenario", "a", "b", *columns])
