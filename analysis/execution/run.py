@@ -77,14 +77,15 @@ def prepare(
         module_of(estimator.name)  # an unknown name is refused here
     cells = []
     for cell in asked.cells:
+        if strict:
+            require_no_faults([f"{cell.scenario.label}, {line}" for line in cell.scenario.faults()])
         misfits = find_misfits(cell.scenario, cell.estimators, study.seed, study.time_limit, isolate)
         for label, error in misfits.items():
             if not study.leaves_out_misfits or study.only or label == cell.baseline:
                 raise error
             say(f"left out: {error}")
-        cells.append(cell.leave_out(misfits))
-        if strict:
-            require_no_faults([f"{cell.scenario.label}, {line}" for line in cell.scenario.faults()])
+        kept = tuple(one for one in cell.estimators if one.label not in misfits)
+        cells.append(cell._replace(estimators=kept, trials={one.label: cell.trials[one.label] for one in kept}))
     return asked._replace(cells=tuple(cells))
 
 

@@ -16,7 +16,7 @@ import re
 import threading
 import traceback
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Future, wait
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
@@ -121,7 +121,7 @@ def measure(task: Task) -> Iterator[MeasuredPart]:
         if not plugin_world or isinstance(e, BadInput):
             raise
         if not task.smaller():
-            yield part_of_failure(task, *explain_failure(e), hashes=[None])
+            yield failed_part(task, *explain_failure(e))
         for one in task.smaller():
             yield from measure(one)
         return
@@ -144,9 +144,8 @@ def _run_rows(task: Task, estimator: ConfiguredEstimator, truth: Truth, stream: 
         return frame.assign(**{column: pd.Series([None] * len(frame), dtype="str") for column in FAILURE})
     except FAILS as e:
         if len(stream.trial) == 1:
-            return _rows_of_failure(
-                task, estimator, stream.robots, int(stream.trial[0]), stream.hashes[0], *explain_failure(e)
-            )
+            trial, robots, hashed = int(stream.trial[0]), stream.robots, stream.hashes[0]
+            return _failed_rows(task, estimator, trial, robots, hashed, *explain_failure(e))
         single = (slice(i, i + 1) for i in range(len(stream.trial)))
         frames = [_run_rows(task, estimator, truth.select(s), stream.select(s)) for s in single]
         return pd.concat(frames, ignore_index=True)
@@ -170,29 +169,23 @@ def _part(task: Task, estimator: ConfiguredEstimator, frame: pd.DataFrame) -> Me
     return MeasuredPart(key, frame.drop(columns="seconds"), float(frame["seconds"].mean()))
 
 
-def part_of_failure(task: Task, line: str, full: str = "", hashes: Sequence[str | None] | None = None) -> MeasuredPart:
-    """Return the part of a task's one estimator without any result; hashes of streams that can be made are computed."""
-    (estimator,) = task.estimators
-    robots = task.scenario.robots
-    if hashes is None:
-        hashes = [None] * len(task.trials)
-        if task.scenario.name in BUILTIN_SCENARIOS:
-            _, stream = task.scenario.simulate(task.trials, task.seed)
-            robots, hashes = stream.robots, stream.hashes
-    pairs = zip(task.trials, hashes, strict=True)
-    frames = [_rows_of_failure(task, estimator, robots, trial, hashed, line, full or line) for trial, hashed in pairs]
-    return _part(task, estimator, pd.concat(frames, ignore_index=True))
+def failed_part(task: Task, line: str, full: str = "") -> MeasuredPart:
+    """Return the part of a task of one trial and estimator that left nothing, with the stream if it can be made."""
+    (estimator,), (trial,), robots, hashed = task.estimators, task.trials, task.scenario.robots, None
+    if task.scenario.name in BUILTIN_SCENARIOS:
+        stream = task.scenario.simulate(task.trials, task.seed)[1]
+        robots, hashed = stream.robots, stream.hashes[0]
+    return _part(task, estimator, _failed_rows(task, estimator, trial, robots, hashed, line, full or line))
 
 
-def _rows_of_failure(
-    task: Task, estimator: ConfiguredEstimator, robots: int, trial: int, stream: str | None, line: str, full: str
+def _failed_rows(
+    task: Task, estimator: ConfiguredEstimator, trial: int, robots: int, stream: str | None, line: str, full: str
 ) -> pd.DataFrame:
     """Return the rows of one trial without a result, and why."""
     who = {"scenario": task.scenario.label, "estimator": estimator.label, "trial": trial, "robot": np.arange(robots)}
-    streams = pd.Series([stream] * robots, dtype="str")
-    rest = {"robots": robots, "stream": streams, "failure": line, "traceback": full}
-    known = {"centralised": False, "bound": False}
-    return pd.DataFrame({**who, **rest, **known, "seconds": float("nan")}).reindex(columns=[*COLUMNS, *FAILURE])
+    known = {"robots": robots, "stream": pd.Series([stream] * robots, dtype="str"), "centralised": False}
+    rest = {"bound": False, "seconds": float("nan"), "failure": line, "traceback": full}
+    return pd.DataFrame({**who, **known, **rest}).reindex(columns=[*COLUMNS, *FAILURE])
 
 
 def explain_failure(e: BaseException) -> tuple[str, str]:
@@ -206,7 +199,17 @@ def explain_failure(e: BaseException) -> tuple[str, str]:
 # Where tasks run.
 
 Compute = Callable[[list[Task]], Iterator[MeasuredPart]]  # yields the parts of every task, in any order
-Measuring = Future[Any]  # of the parts of a task
+
+
+class Processes(NamedTuple):
+    """Processes that measure tasks, on this machine or on a cluster."""
+
+    submit: Callable[[Task], Future[Any]]
+    result: Callable[[Future[Any]], list[MeasuredPart]]
+    died: type[BaseException]  # what `result` raises where a worker died
+    window: int  # tasks that may run or wait at a time: the suspects when a worker dies
+    renew: Callable[[], None]  # replaces what died
+    require_alive: Callable[[], None]  # raises where nothing will come any more
 
 
 @contextmanager
@@ -224,12 +227,12 @@ def make_workers(
         end_if_edited(BUILTIN)  # between two runs of one Python process; not in a run, whose code is of its beginning
         if isolate:
             compile_kernels(tasks, jobs, compiling)
-        yield from compute_in_parallel(LocalProcesses(jobs), tasks) if jobs > 1 else chain(*map(measure, tasks))
+        yield from compute_in_parallel(_local_processes(jobs), tasks) if jobs > 1 else chain(*map(measure, tasks))
 
     try:
         if scheduler is not None:
             with _connect(scheduler) as client:
-                yield partial(compute_in_parallel, DaskCluster(client, scheduler))
+                yield partial(compute_in_parallel, _dask_processes(client, scheduler))
         else:
             yield compute_here
     except BaseException:
@@ -238,58 +241,44 @@ def make_workers(
     end_all(but=(SESSION, BUILTIN))
 
 
-def compute_in_parallel(processes: "LocalProcesses | DaskCluster", tasks: list[Task]) -> Iterator[MeasuredPart]:
+def compute_in_parallel(processes: Processes, tasks: list[Task]) -> Iterator[MeasuredPart]:
     """Yield the parts of every task, as they come; where a worker dies, those that were running run again, alone."""
     waiting, running = deque(tasks), dict[Future[Any], Task]()
     while waiting or running:
         while waiting and len(running) < processes.window:
             task = waiting.popleft()
             running[processes.submit(task)] = task
-        for future in processes.wait_any(running):
+        for future in wait(running, timeout=LOOK, return_when=FIRST_COMPLETED).done:
             try:
                 yield from processes.result(future)
                 del running[future]
-            except processes.deaths:
-                processes.replace_dead()
+            except processes.died:
+                processes.renew()
                 suspects = list(running.values())
                 running.clear()
                 for suspect in suspects:
                     yield from _compute_alone(processes, suspect)
                 break
+        processes.require_alive()
 
 
-def _compute_alone(processes: "LocalProcesses | DaskCluster", task: Task) -> Iterator[MeasuredPart]:
+def _compute_alone(processes: Processes, task: Task) -> Iterator[MeasuredPart]:
     try:
         yield from processes.result(processes.submit(task))
-    except processes.deaths as e:
-        processes.replace_dead()
+    except processes.died as e:
+        processes.renew()
         for one in task.smaller():
             yield from _compute_alone(processes, one)
         if not task.smaller():
-            yield part_of_failure(task, f"the process that ran it died ({cause_of(e)})")
+            yield failed_part(task, f"the process that ran it died ({cause_of(e)})")
 
 
-class LocalProcesses:
-    """Processes on this machine; new ones where one of them died."""
-
-    deaths: tuple[type[BaseException], ...] = (BrokenExecutor,)  # what `result` raises where a worker died
-
-    def __init__(self, jobs: int) -> None:
-        self._jobs = jobs
-        self.window = jobs + 1  # tasks that may run or wait at a time: the suspects when a worker dies
-
-    def submit(self, task: Task) -> Measuring:
-        return submit(BUILTIN, self._jobs, measure_all, task)
-
-    def result(self, future: Measuring) -> list[MeasuredPart]:
-        parts: list[MeasuredPart] = future.result().unpack()
-        return parts
-
-    def wait_any(self, running: Iterable[Measuring]) -> set[Measuring]:
-        return wait(running, return_when=FIRST_COMPLETED).done
-
-    def replace_dead(self) -> None:
-        end(BUILTIN)
+def _local_processes(jobs: int) -> Processes:
+    """Return processes on this machine."""
+    send = partial(submit, BUILTIN, jobs, measure_all)
+    return Processes(
+        send, lambda future: future.result().unpack(), BrokenExecutor, jobs + 1, partial(end, BUILTIN), lambda: None
+    )
 
 
 # A running Dask cluster: the same tasks, through the same interface.
@@ -304,42 +293,32 @@ REMEDY = {
 _one_at_a_time = threading.Lock()
 
 
-class DaskCluster:
-    """The workers of a Dask scheduler, which itself replaces dead workers and repeats their tasks."""
+def _dask_processes(client: Any, address: str) -> Processes:
+    """Return the workers of a Dask scheduler, which itself replaces dead workers and repeats their tasks."""
+    from distributed.scheduler import KilledWorker
 
-    def __init__(self, client: Any, address: str) -> None:
-        from distributed.scheduler import KilledWorker
+    kept = "what was finished is kept: start it, and the same command goes on"
+    lost = BadInput(f"the Dask scheduler at {address} is gone; {kept}")
 
-        self._client, self._address, self._executor = client, address, client.get_executor(pure=False)
-        kept = "what was finished is kept: start it, and the same command goes on"
-        self._lost = BadInput(f"the Dask scheduler at {address} is gone; {kept}")
-        self.window = 2 * max(1, sum(client.nthreads().values()))
-        self.deaths: tuple[type[BaseException], ...] = (KilledWorker,)
-
-    def submit(self, task: Task) -> Measuring:
-        future: Measuring = self._executor.submit(_measure_on_dask, task, bits())
-        return future
-
-    def result(self, future: Measuring) -> list[MeasuredPart]:
-        """Return the parts of a task."""
+    def result(future: Future[Any]) -> list[MeasuredPart]:
         try:
             parts: list[MeasuredPart] = future.result()
             return parts
         except (asyncio.CancelledError, CancelledError):
-            raise self._lost from None
+            raise lost from None
         except (ImportError, AttributeError) as e:
-            raise BadInput(f"a worker of {self._address} cannot run cooploc ({one_line(e)}): install it there") from e
+            raise BadInput(f"a worker of {address} cannot run cooploc ({one_line(e)}): install it there") from e
 
-    def wait_any(self, running: Iterable[Measuring]) -> set[Measuring]:
-        while not (done := wait(running, timeout=LOOK, return_when=FIRST_COMPLETED).done):
-            if self._client.status != "running":
-                raise self._lost
-        return done
+    def require_alive() -> None:
+        if client.status != "running":
+            raise lost
 
-    def replace_dead(self) -> None: ...
+    send = partial(client.get_executor(pure=False).submit, _measure_on_dask, bits())
+    window = 2 * max(1, sum(client.nthreads().values()))
+    return Processes(send, result, KilledWorker, window, lambda: None, require_alive)
 
 
-def _measure_on_dask(task: Task, wanted: dict[str, Any]) -> list[MeasuredPart]:
+def _measure_on_dask(wanted: dict[str, Any], task: Task) -> list[MeasuredPart]:
     """Measure a task, where it gives the bits that are wanted; one thread of a worker at a time is timed alone."""
     from distributed import get_worker
 
@@ -393,18 +372,14 @@ def compile_kernels(tasks: Iterable[Task], jobs: int, begin: Callable[[], None])
     if not cold:
         return
     begin()
-    processes = min(max(jobs, 2), os.cpu_count() or 1, len(cold))
-    tried = list(chain(*cold.values()))
+    processes, tried = min(max(jobs, 2), os.cpu_count() or 1, len(cold)), list(chain(*cold.values()))
     size = -(-len(tried) // processes)  # neighbours in a study share kernels, so each process takes a piece
     pieces = [tried[i : i + size] for i in range(0, len(tried), size)]
-    if processes == 1:
-        _compile_all(pieces[0])
-    else:
-        with suppress(BrokenExecutor):  # what broke it is met again, and said, in the run
-            for future in [submit(BUILTIN, processes, _compile_all, piece) for piece in pieces]:
-                future.result()
-        if processes != jobs:
-            end(BUILTIN)
+    with suppress(BrokenExecutor):  # what broke it is met again, and said, in the run
+        for future in [submit(BUILTIN, processes, _compile_all, piece) for piece in pieces]:
+            future.result()
+    if processes != jobs:
+        end(BUILTIN)
     for mark in cold:
         with suppress(OSError):
             mark.parent.mkdir(parents=True, exist_ok=True)
@@ -414,8 +389,8 @@ def compile_kernels(tasks: Iterable[Task], jobs: int, begin: Callable[[], None])
 def _compile_all(cold: list[Task]) -> None:
     """Run two ticks of every task's estimator."""
     for task in cold:
-        for estimator in task.estimators:
-            warm_up(estimator.label, make(estimator), task.scenario.simulate(task.trials, task.seed)[1])
+        (estimator,) = task.estimators
+        warm_up(estimator.label, make(estimator), task.scenario.simulate(task.trials, task.seed)[1])
 
 
 def _mark(one: ConfiguredEstimator) -> Path:

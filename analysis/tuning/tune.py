@@ -108,7 +108,7 @@ def tune(
     (out / RECORD_FILE).unlink(missing_ok=True)
     watcher.begin(budget * len(competitors), 0)
     scenarios = {one.label: one for lane in own.values() for one in lane.scenarios}
-    options = {"jobs": jobs, "isolate": isolate}
+    options: dict[str, Any] = {"jobs": jobs, "isolate": isolate}
     evaluations = Evaluations(asked, scenarios, out / "training", objective, watcher, options)
     sampler_seed = derived_seed(study.seed, "sampler")
     finishes = [race(space, mine, budget, sampler_seed, evaluations.compute) for space, mine in competitors]
@@ -186,9 +186,10 @@ class Evaluations:
             for label, trials in upto.items()
         )
         rows = execute(self.training._replace(cells=cells), self.folder, check=False, **self.options)
-        for (scenario, label), part in rows.groupby(CELL, sort=False):
+        for cell, part in rows.groupby(CELL, sort=False):
+            scenario, label = map(str, cell)
             scores = trial_scores(part, self.objective).items()
-            found = {(str(label), Item(str(scenario), int(str(trial)))): float(score) for trial, score in scores}
+            found = {(label, Item(scenario, int(str(trial)))): float(score) for trial, score in scores}
             self.watcher.advance(f"{scenario} · {label}", len(found.keys() - self.scores.keys()), 0)
             self.scores |= found
         for row in rows.dropna(subset="stream").drop_duplicates(["scenario", "trial"]).itertuples():

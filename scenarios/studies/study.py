@@ -24,7 +24,7 @@ import hashlib
 import re
 import tomllib
 from collections import Counter
-from collections.abc import Container, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from decimal import Decimal
 from importlib.resources import files
 from itertools import product
@@ -309,11 +309,6 @@ class ResolvedCell(NamedTuple):
     def most(self) -> int:
         """Trials of the estimator that has most."""
         return max(self.trials.values())
-
-    def leave_out(self, labels: Container[str]) -> "ResolvedCell":
-        """Return the cell without some estimators."""
-        kept = tuple(one for one in self.estimators if one.label not in labels)
-        return self._replace(estimators=kept, trials={one.label: self.trials[one.label] for one in kept})
 
 
 class ResolvedStudy(NamedTuple):
