@@ -22,7 +22,6 @@ from cooploc.api import readings as readings
 from cooploc.api import report as report
 from cooploc.api import reproduce as reproduce
 from cooploc.api import run_study as run_study
-from cooploc.api import run_until as run_until
 from cooploc.api import sensitivity as sensitivity
 from cooploc.api import show as show
 from cooploc.api import sweep as sweep

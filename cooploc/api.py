@@ -10,8 +10,9 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from itertools import product
+from os import PathLike
 from pathlib import Path
-from typing import Any, TypedDict, Unpack
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -21,7 +22,7 @@ from cooploc.analysis.claims import multiverse
 from cooploc.analysis.claims.verdicts import judge_at_look, judge_run, lasting, open_cells, verdict_sentence
 from cooploc.analysis.execution import reproduce as again
 from cooploc.analysis.execution.run import Answers, execute, prepare, run_until_decided, trial_seconds
-from cooploc.analysis.execution.run_directory import PARTS, StoredRun, read_run, select
+from cooploc.analysis.execution.run_directory import PARTS, read_run, select
 from cooploc.analysis.metrics import run_tables
 from cooploc.analysis.metrics.compare import compare
 from cooploc.analysis.metrics.errors import errors
@@ -48,27 +49,10 @@ from cooploc.scenarios.studies.study import Study, load
 from cooploc.terminal import tables
 from cooploc.terminal.console import TerminalProgress
 
-MOST_TRIALS = 1000  # of what stays open in a run until decided
-
-
-class RunOptions(TypedDict, total=False):
-    """The options of a run, as `run_study` explains them."""
-
-    seed: int | None
-    estimators: str | Iterable[str] | None
-    jobs: int
-    scheduler: str | None
-    data: str | Path | None
-    out: str | Path | None
-    check: bool
-    retry_failed: bool
-    isolate: bool
-    strict: bool
-
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Results:
-    """The results of a study's run, and the directory that holds them."""
+    """The results of a study's run, and the directory that holds them; a path, too, wherever that is wanted."""
 
     folder: Path
     rows: pd.DataFrame  # as `cl.errors`, with `failure`, `traceback` and `certificate`
@@ -81,6 +65,9 @@ class Results:
         failed = self.rows[self.rows["failure"].notna()].drop_duplicates(["scenario", "estimator", "trial"])
         return failed[["scenario", "estimator", "trial", "failure", "traceback"]].reset_index(drop=True)
 
+    def __fspath__(self) -> str:
+        return str(self.folder)
+
     def __repr__(self) -> str:
         scenarios, estimators = (self.table[column].nunique() for column in ("scenario", "estimator"))
         return f"Results({str(self.folder)!r}, {scenarios} scenarios, {estimators} estimators)"
@@ -90,8 +77,9 @@ class Results:
         return self.table[shown].round(3).to_html(index=False)
 
 
-AnyRun = Results | str | Path  # from `run_study` or `load_run`, or a run directory
-AnyLedger = ledgers.Ledger | str | Path | None  # its TOML file; None: the claims of Latif & Parasuraman (2022)
+AnyRun = str | PathLike[str]  # a run directory, or the `Results` of `run_study` or `load_run`
+AnyLedger = str | Path | None  # its TOML file; None: the claims of Latif & Parasuraman (2022)
+Names = str | Iterable[str]  # as a list, or separated by commas
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,14 +99,13 @@ class RunChanges:
         """Return whether an estimator became "worse", or failed more; "different": whether anything changed at all.
 
         Raises:
-            BadInput: it is neither, nor empty.
+            BadInput: it is neither.
 
         """
-        found, expected = self.table["verdict"], {"": (), "worse": run_diff.WORSE, "different": None}
-        if verdict not in expected:
+        found = self.table["verdict"]
+        if verdict not in ("worse", "different"):
             raise BadInput(f"there is no {verdict!r} to fail at; write worse or different")
-        wanted = expected[verdict]
-        return bool((found != run_diff.SAME).any() if wanted is None else found.isin(wanted).any())
+        return bool((found.isin(run_diff.WORSE) if verdict == "worse" else found != run_diff.SAME).any())
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,16 +124,39 @@ class Reproduced:
 # Run a study.
 
 
-def run_study(study: str | Path, *, trials: int | None = None, **how: Unpack[RunOptions]) -> Results:
+def run_study(
+    study: str | Path,
+    *,
+    trials: int | None = None,
+    max_trials: int | None = None,
+    ledger: AnyLedger = None,
+    seed: int | None = None,
+    estimators: Names | None = None,
+    jobs: int = 1,
+    scheduler: str | None = None,
+    data: str | Path | None = None,
+    out: str | Path | None = None,
+    check: bool = True,
+    retry_failed: bool = False,
+    isolate: bool = True,
+    strict: bool = False,
+) -> Results:
     """Run a study, as `cooploc run` does; what its directory holds already is not computed again.
+
+    With `max_trials` it runs until its comparisons and claims are decided. After 10, 20, 40, ... trials every
+    comparison with the scenario's baseline is looked at by a confidence sequence, which holds however one stops: it is
+    decided where the change of RMSE is not 0, or lies within 5 % (a tie). So is every claim of the ledger that the
+    study can judge, but for computing time. Sizes keep the intervals of a fixed number of trials, and are marked where
+    a row stopped early: stopping makes them a little too large.
 
     Args:
         study: a shipped study (`cl.studies()`), or the path of a study's TOML file.
         trials: of each scenario; the study's where not given.
-        how: any of the following.
+        max_trials: instead of `trials`: those at which what is still undecided ends, such as 1000.
+        ledger: the claims that are to be decided then.
         seed: the random seed; the study's where not given.
         estimators: names to run instead of the study's, as a list or separated by commas.
-        jobs: processes, 1 where not given; the result is bit-identical for any number.
+        jobs: processes; the result is bit-identical for any number.
         scheduler: the address of a Dask cluster, "tcp://HOST:PORT", whose workers are used instead.
         data: the directory of recordings, for scenarios that need one.
         out: the run directory; `runs/STUDY-seedN` where not given.
@@ -161,88 +171,63 @@ def run_study(study: str | Path, *, trials: int | None = None, **how: Unpack[Run
         OSError: a file could not be written; what was finished is kept.
 
     """
-    return _execute(execute, study, trials, **how)
-
-
-def run_until(
-    study: str | Path,
-    *,
-    max_trials: int = MOST_TRIALS,
-    ledger: AnyLedger = None,
-    **how: Unpack[RunOptions],
-) -> Results:
-    """Run a study until its comparisons and claims are decided, as `cooploc run --until-decided` does.
-
-    After 10, 20, 40, ... trials every comparison with the scenario's baseline is looked at by a confidence sequence,
-    which holds however one stops: it is decided where the change of RMSE is not 0, or lies within 5 % (a tie). So is
-    every claim of the ledger that the study can judge, but for computing time. Sizes keep the intervals of a fixed
-    number of trials, and are marked where a row stopped early: stopping makes them a little too large.
-
-    Args:
-        study: as of `run_study`.
-        max_trials: trials at which what is still open ends.
-        how: seed, estimators, jobs, scheduler, data, out, check, retry_failed, isolate, strict: as of `run_study`.
-
-    """
-    claims, found = _ledger_of(ledger), None
-
-    def ask(rows: pd.DataFrame, n: int) -> Answers:
-        """Judge the claims by the trials below n."""
-        nonlocal found
-        found = judge_at_look(claims, rows, n, found)
-        judged = lasting(claims, found)
-        still = int((judged["verdict"] == "undecided").sum())
-        records = judged[["claim", "variant", "scenario", "of", "than", "verdict", "look"]].fillna("")
-        cells = frozenset(open_cells(claims, rows, found))
-        return Answers("claim", cells, len(judged) - still, still, [dict(row) for _, row in records.iterrows()])
-
-    return _execute(partial(run_until_decided, ask=[ask]), study, max_trials, decided=True, **how)
-
-
-def _execute(
-    begin: Callable[..., pd.DataFrame],
-    study: str | Path,
-    trials: int | None,
-    *,
-    decided: bool = False,
-    seed: int | None = None,
-    estimators: str | Iterable[str] | None = None,
-    data: str | Path | None = None,
-    out: str | Path | None = None,
-    isolate: bool = True,
-    strict: bool = False,
-    **options: Any,
-) -> Results:
-    """Run a study by `begin`, which returns its rows; keep table and picture."""
-    asked, folder = _read_study(study, trials, seed, estimators, out)
+    if trials is not None and max_trials is not None:
+        raise BadInput("trials is a fixed number: of a run until decided, give max_trials alone (--max-trials)")
+    asked, folder = _read_study(study, trials if max_trials is None else max_trials, seed, estimators, out)
+    until = partial(run_until_decided, ask=[_question_of(ledgers.load(ledger))])
+    begin: Callable[..., pd.DataFrame] = execute if max_trials is None else until
+    how = {"jobs": jobs, "scheduler": scheduler, "check": check, "retry_failed": retry_failed, "isolate": isolate}
     with TerminalProgress() as progress:
-        where = None if data is None else Path(data)
-        ready = prepare(asked, where, isolate=isolate, strict=strict, say=progress.say)
-        rows = begin(ready, folder, isolate=isolate, progress=progress, **options)
-    found = read_run(folder).comparisons if decided else None
-    results = Results(folder, rows, *_compare(rows, asked.baselines(), found))
+        ready = prepare(asked, Path(data) if data else None, isolate=isolate, strict=strict, say=progress.say)
+        rows = begin(ready, folder, progress=progress, **how)
+    decisions = None if max_trials is None else read_run(folder).comparisons
+    results = Results(folder, rows, _compare(rows, asked.baselines(), decisions), decisions)
     tables.keep_tables(results.table, rows, folder)
     return results
 
 
+CLAIMED = ["claim", "variant", "scenario", "of", "than", "verdict", "look"]  # what a run keeps of a judged claim
+
+
+CLAIMED = ["claim", "variant", "scenario", "of", "than", "verdict", "look"]  # what a run keeps of a judged claim
+
+
+def _question_of(ledger: ledgers.Ledger) -> Callable[[pd.DataFrame, int], Answers]:
+    """Return what a run until decided asks at each look: its claims, judged by the trials below a number."""
+    found = None
+
+    def ask(rows: pd.DataFrame, n: int) -> Answers:
+        nonlocal found
+        found = judge_at_look(ledger, rows, n, found)
+        judged = lasting(ledger, found)
+        still = int((judged["verdict"] == "undecided").sum())
+        records = [dict(row) for _, row in judged[CLAIMED].fillna("").iterrows()]
+        cells = frozenset(open_cells(ledger, rows, found))
+        return Answers("claim", cells, len(judged) - still, still, records)
+
+    return ask
+
+
 def _read_study(study: Any, trials: Any, seed: Any, estimators: Any, out: Any, suffix: str = "") -> tuple[Study, Path]:
     """Return the study that a call asks for, and its directory, by default `runs/STUDY-seedN` and the suffix."""
-    only = (
-        None if estimators is None else tuple(split_labels(estimators) if isinstance(estimators, str) else estimators)
-    )
+    only = None if estimators is None else tuple(_list(estimators))
     if only == ():
         raise BadInput("estimators is empty: name some, or leave it out for the study's")
     asked = load(str(study)).replace_options(trials=trials, seed=seed, only=only)
-    return asked, Path(out) if out is not None else Path("runs") / f"{asked.folder_name}-seed{asked.seed}{suffix}"
+    return asked, Path(out or f"runs/{asked.folder_name}-seed{asked.seed}{suffix}")
 
 
-def _compare(rows: pd.DataFrame, baselines: Any, found: pd.DataFrame | None) -> tuple[pd.DataFrame, Any]:
-    """Return the table of `cl.compare` with the decisions of a run until decided, and these."""
+def _compare(rows: pd.DataFrame, baselines: Any, decisions: pd.DataFrame | None) -> pd.DataFrame:
+    """Return the table of `cl.compare`, with the decisions of a run until decided."""
     table = compare(rows, baselines, full=True)
-    return (table if found is None else add_decisions(table, found)), found
+    return table if decisions is None else add_decisions(table, decisions)
 
 
-def plan(study: str | Path, *, difference: float = 0.1, **how: Unpack[RunOptions]) -> pd.DataFrame:
+def _list(names: Names) -> list[str]:
+    return split_labels(names) if isinstance(names, str) else list(names)
+
+
+def plan(study: str | Path, *, difference: float = 0.1, **how: Any) -> pd.DataFrame:
     """Plan how many trials each comparison needs to show a difference in four of five runs (80 % power).
 
     Runs ten trials, which the run directory keeps; they know the numbers of trials to about a factor of two.
@@ -304,13 +289,11 @@ def sweep(
         BadInput: nothing is swept, or a parameter is unknown.
 
     """
-    several = (set, frozenset, list, range, np.ndarray)
-    swept = {
-        name: value.tolist() if isinstance(value, np.ndarray) else [*value]
-        for name, value in parameters.items()
-        if isinstance(value, several)
-    }
-    swept |= {name: sorted(value) for name, value in parameters.items() if isinstance(value, set | frozenset)}
+    swept: dict[str, list[Any]] = {}
+    for name, value in parameters.items():
+        if isinstance(value, set | frozenset | list | range | np.ndarray):
+            ordered = sorted(value) if isinstance(value, set | frozenset) else value
+            swept[name] = np.asarray(ordered).tolist() if isinstance(value, np.ndarray) else [*ordered]
     if not swept or not all(swept.values()):
         raise BadInput("nothing is swept: give several values of a parameter, such as drop={0, 0.5}")
     fixed = {name: value for name, value in parameters.items() if name not in swept}
@@ -338,7 +321,7 @@ def tune(
     study: str | Path,
     budget: int = 100,
     *,
-    estimators: str | Iterable[str] | None = None,
+    estimators: Names | None = None,
     trials: int | None = None,
     seed: int | None = None,
     objective: str = "nll",
@@ -366,44 +349,37 @@ def tune(
 
     """
     asked, folder = _read_study(study, trials, seed, estimators, out, suffix="-tuned")
-    where = None if data is None else Path(data)
+    how: Any = {"data": Path(data) if data else None, "jobs": jobs, "check": check, "isolate": isolate}
     with TerminalProgress() as progress:
-        found = tune_study(
-            asked, folder, budget, objective, data=where, jobs=jobs, check=check, isolate=isolate, progress=progress
-        )
+        found = tune_study(asked, folder, budget, objective, progress=progress, **how)
     _draw_tuning(folder, found.history)
     return found
 
 
 def _draw_tuning(folder: Path, history: pd.DataFrame) -> None:
     """Draw the score against the budget, and of every estimator that has parameters, what each of them did."""
-    import matplotlib.pyplot as plt
+    from cooploc.analysis.plot import style, tuned_parameters, tuning
 
-    from cooploc.analysis.plot import tuned_parameters, tuning
-
-    drawn = {"score-against-budget": tuning(history)}
+    style.save(tuning(history), folder / "score-against-budget.png")
     for name, part in history.groupby("estimator", sort=False):
         if part.filter(like=VALUE).notna().any(axis=None):
             safe = re.sub(r"[^A-Za-z0-9.=]+", "-", str(name)).strip("-")
-            drawn[f"parameters-{safe}"] = tuned_parameters(history, str(name))
-    for name, ax in drawn.items():
-        figure: Any = ax.figure
-        figure.savefig(folder / f"{name}.png", dpi=130)
-        plt.close(figure)
+            style.save(tuned_parameters(history, str(name)), folder / f"parameters-{safe}.png")
 
 
 # What a run left.
 
 
-def load_run(folder: str | Path) -> Results:
+def load_run(folder: AnyRun) -> Results:
     """Load everything that a run directory holds."""
     stored = read_run(Path(folder))
-    return Results(stored.folder, stored.rows, *_compare(stored.rows, stored.baselines, stored.comparisons))
+    table = _compare(stored.rows, stored.baselines, stored.comparisons)
+    return Results(stored.folder, stored.rows, table, stored.comparisons)
 
 
 def show(run: AnyRun) -> None:
     """Print what a run holds, what is missing, and what failed and why."""
-    tables.show_run(_folder(run))
+    tables.show_run(Path(run))
 
 
 def report(
@@ -411,8 +387,8 @@ def report(
     out: str | Path | None = None,
     ledger: AnyLedger = None,
     *,
-    estimators: str | Iterable[str] = (),
-    scenarios: str | Iterable[str] = (),
+    estimators: Names = (),
+    scenarios: Names = (),
     baseline: str = "",
 ) -> Path:
     """Write a run's report, a page for the browser and its tables for LaTeX, Markdown and CSV; return the page's path.
@@ -427,18 +403,14 @@ def report(
         BadInput: the run lacks one of these.
 
     """
-    stored = stored_run(run)
+    stored = read_run(Path(run))
     folder = stored.folder / "report" if out is None else Path(out)
-    return html_page.write(stored, _ledger_of(ledger), folder, _labels(estimators), _labels(scenarios), baseline)
-
-
-def _labels(given: str | Iterable[str]) -> list[str]:
-    return split_labels(given) if isinstance(given, str) else list(given)
+    return html_page.write(stored, ledgers.load(ledger), folder, _list(estimators), _list(scenarios), baseline)
 
 
 def compare_runs(before: AnyRun, after: AnyRun) -> RunChanges:
     """Compare two runs, trial by trial where their streams are the same."""
-    a, b = stored_run(before), stored_run(after)
+    a, b = read_run(Path(before)), read_run(Path(after))
     table = run_diff.changes(a, b)
     return RunChanges(table, run_diff.settings(a, b), run_diff.sentences(table))
 
@@ -461,7 +433,7 @@ def reproduce(page: str | Path, trials: int = 6, data: str | Path | None = None,
     if trials < 1:
         raise BadInput(f"trials is {trials}; it must be at least 1")
     embedded = again.load(Path(page))
-    found = again.rerun(embedded, trials, None if data is None else Path(data), trust)
+    found = again.rerun(embedded, trials, Path(data) if data else None, trust)
     if found["equal"].all() and (Path(page) / PARTS).is_dir():
         with suppress(PermissionError):  # of somebody else's directory, which is then not confirmed
             again.confirm(Path(page), found)
@@ -486,7 +458,7 @@ def board(
         BadInput: a row was not confirmed, or trials come out otherwise here.
 
     """
-    stored = [stored_run(run) for run in runs]
+    stored = [read_run(Path(run)) for run in runs]
     for one in stored if reproduce_first else ():
         if again.confirmations(one.folder):
             continue
@@ -513,12 +485,13 @@ def readings(run: AnyRun | pd.DataFrame, ledger: AnyLedger = None) -> pd.DataFra
     `cooploc.analysis.claims.multiverse.judge` says what the columns mean, and `shares` counts the rows by claim;
     `cl.plot.readings` draws them. The study `readings` runs all readings.
     """
-    return multiverse.judge(_ledger_of(ledger), _rows_of(run), ANYTIME if _looks(run) else FIXED)
+    rows, looks = _rows_and_looks(run)
+    return multiverse.judge(ledgers.load(ledger), rows, ANYTIME if looks else FIXED)
 
 
 def verdicts_and_readings(run: Any, ledger: Any = None) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Return what `verdicts` and `readings` return, computed once."""
-    found, mapped = judge_run(_ledger_of(ledger), _rows_of(run), _looks(run)), readings(run, ledger)
+    found, mapped = judge_run(ledgers.load(ledger), *_rows_and_looks(run)), readings(run, ledger)
     maps = multiverse.sentences(mapped)
     said = [verdict_sentence(row) for _, row in found.iterrows()]
     return found.assign(map=[maps.get(claim, "") for claim in found["claim"]], sentence=said), mapped
@@ -530,7 +503,7 @@ def information(run: AnyRun) -> pd.DataFrame:
     `cooploc.analysis.metrics.run_tables.information` says what the columns mean; `cl.plot.information` draws them. The
     study `information` runs all cells. The floors of ten robots take a minute or two.
     """
-    stored = stored_run(run)
+    stored = read_run(Path(run))
     return run_tables.information(stored.rows, stored.manifest["seed"])
 
 
@@ -544,19 +517,19 @@ def sensitivity(run: AnyRun, baseline: str = "arl") -> pd.DataFrame:
         baseline: the estimator that others are compared with.
 
     """
-    stored = stored_run(run)
+    stored = read_run(Path(run))
     return run_tables.sensitivity(stored.rows, stored.manifest["seed"], baseline)
 
 
 def paper(
     run: AnyRun,
     out: str | Path | None = None,
-    columns: str | Iterable[str] = DEFAULT,
-    scenarios: str | Iterable[str] = (),
+    columns: Names = DEFAULT,
+    scenarios: Names = (),
     *,
-    estimators: str | Iterable[str] = (),
+    estimators: Names = (),
     baseline: str = "",
-    figures: str | Iterable[str] = FIGURES,
+    figures: Names = FIGURES,
     everything: bool = False,
 ) -> Path:
     """Write a run's figures, tables and references for a two-column paper; return the path of an example document.
@@ -576,32 +549,16 @@ def paper(
         everything: True writes every figure of every experiment in both widths, and tables of all scenarios.
 
     """
-    stored = stored_run(run)
+    stored = read_run(Path(run))
     folder = stored.folder / "paper" if out is None else Path(out)
-    chosen = select(stored, _labels(estimators), _labels(scenarios), baseline)
-    write(chosen, folder, _labels(columns), _labels(figures), bool(scenarios), everything)
+    chosen = select(stored, _list(estimators), _list(scenarios), baseline)
+    write(chosen, folder, _list(columns), _list(figures), bool(scenarios), everything)
     return folder / EXAMPLE
 
 
-def _rows_of(run: Any) -> pd.DataFrame:
-    return run if isinstance(run, pd.DataFrame) else run.rows if isinstance(run, Results) else stored_run(run).rows
-
-
-def _looks(run: Any) -> list[int]:
-    """Return the looks of a run until decided, in trials; none of another."""
-    return [] if isinstance(run, pd.DataFrame) else stored_run(run).looks
-
-
-def stored_run(run: Any) -> StoredRun:
-    """Return a run as it is on disk."""
-    return read_run(_folder(run))
-
-
-def _folder(run: Any) -> Path:
-    if isinstance(run, Results | str | Path):
-        return run.folder if isinstance(run, Results) else Path(run)
-    raise BadInput(f"{type(run).__name__} is not a run of a study: give what cl.run_study returned, or its directory")
-
-
-def _ledger_of(ledger: Any) -> ledgers.Ledger:
-    return ledger if isinstance(ledger, ledgers.Ledger) else ledgers.load(ledger)
+def _rows_and_looks(run: AnyRun | pd.DataFrame) -> tuple[pd.DataFrame, list[int]]:
+    """Return the rows of a run, and of one until decided its looks, in trials."""
+    if isinstance(run, pd.DataFrame):
+        return run, []
+    stored = read_run(Path(run))
+    return run.rows if isinstance(run, Results) else stored.rows, stored.looks

@@ -98,22 +98,14 @@ def run(
     wide: Wide = False,
     legend: Legend = False,
     sort: Annotated[str, typer.Option(help="column of table.csv by which rows are printed, or study")] = "rmse",
-    until_decided: Annotated[
-        bool, typer.Option("--until-decided", help="stop what is decided after 10, 20, ... trials")
-    ] = False,
-    max_trials: Annotated[int | None, typer.Option(help="trials at which --until-decided ends [default: 1000]")] = None,
+    until_decided: Annotated[bool, typer.Option("--until-decided", help="as --max-trials 1000")] = False,
+    max_trials: Annotated[int | None, typer.Option(help="stop what is decided after 10, 20, ... up to so many")] = None,
 ) -> None:
     """Run a study, print its table, keep results and picture."""
-    if until_decided and trials is not None:
-        raise cl.BadInput("--trials is for a fixed number: with --until-decided, give --max-trials")
-    if not until_decided and max_trials is not None:
-        raise cl.BadInput("--max-trials is given without --until-decided: add it, or give --trials")
     how: dict[str, Any] = {"seed": seed, "estimators": estimators, "jobs": jobs, "scheduler": scheduler, "data": data}
     how |= {"out": out, "check": check, "retry_failed": retry_failed, "isolate": isolate, "strict": strict}
-    if until_decided:
-        results = cl.run_until(study, max_trials=1000 if max_trials is None else max_trials, **how)
-    else:
-        results = cl.run_study(study, trials=trials, **how)
+    most = 1000 if until_decided and max_trials is None else max_trials
+    results = cl.run_study(study, trials=trials, max_trials=most, **how)
     terminal.tables.show_results(results.table, results.rows, results.folder, as_json, wide, legend, sort)
     if len(results.failures):
         raise typer.Exit(1)
@@ -287,7 +279,7 @@ def compare(
     else:
         terminal.tables.show_changes(title, found.settings, found.table, found.sentences, wide)
         terminal.tables.say_next(f"cooploc report {after}; --wide prints what is bit-equal, too")
-    if found.is_any(fail_if):
+    if fail_if and found.is_any(fail_if):
         raise typer.Exit(1)
 
 

@@ -12,13 +12,13 @@ import pandas as pd
 from page import pipe_by_scenario
 
 import cooploc as cl
+from cooploc.analysis.execution.run_directory import read_run
 from cooploc.analysis.formats import change, count, metres, percent, ratio
 from cooploc.analysis.metrics.consistency import OVER_CONFIDENT
 from cooploc.analysis.metrics.statistics import mean_of_positive
 from cooploc.analysis.plot import style
 from cooploc.analysis.plot.results import frontier
 from cooploc.analysis.report.tables import Table, interval_column, number_column, text_column
-from cooploc.api import stored_run
 
 BASELINE = "ekf-local"
 PIECE = 63.0  # [s] of the recording, whose 756 s make twelve
@@ -47,7 +47,7 @@ def values(runs: Path, out: Path, data: Path) -> dict[str, Any]:
     flags = [f"{flag}, {ratio(anees)}" for flag, anees in zip(table["consistency"], table["anees"], strict=True)]
     return {
         "trials": table["trials"].max(),
-        "seed": stored_run(stored).manifest["seed"],
+        "seed": read_run(stored).manifest["seed"],
         "flags": decentral.groupby("estimator", sort=False)["consistency"].agg(list).to_dict(),
         "frontiers": {name: frontier(rows).to_dict("records") for name, rows in table.groupby("scenario", sort=False)},
         "gone": sorted((before - after) & known),

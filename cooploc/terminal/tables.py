@@ -50,13 +50,9 @@ def keep_tables(table: pd.DataFrame, rows: pd.DataFrame, folder: Path) -> None:
     (folder / "table.csv").write_text(csv_text(table), encoding="utf-8")
     ended = drop_failed(rows)
     if len(ended) and table["scenario"].nunique() <= IN_ONE_PICTURE:
-        import matplotlib.pyplot as plt
+        from cooploc.analysis.plot import rmse, style
 
-        from cooploc.analysis.plot import rmse
-
-        figure: Any = rmse(ended).figure
-        figure.savefig(folder / "rmse.png", dpi=160)
-        plt.close(figure)
+        style.save(rmse(ended), folder / "rmse.png")
 
 
 def show_results(

@@ -1,4 +1,4 @@
-"""`cooploc run --until-decided` and `cl.run_until`: one run, its table, `show`, and verdicts."""
+"""`cooploc run --until-decided` and `cl.run_study(..., max_trials=...)`: one run, its table, `show`, and verdicts."""
 
 import pytest
 
@@ -28,7 +28,7 @@ def run(tmp_path_factory):
     (folder / "small.toml").write_text(STUDY)
     (folder / "ledger.toml").write_text(LEDGER)
     ledger, out = folder / "ledger.toml", folder / "run"
-    return folder, cl.run_until(folder / "small.toml", max_trials=20, ledger=ledger, out=out, check=False)
+    return folder, cl.run_study(folder / "small.toml", max_trials=20, ledger=ledger, out=out, check=False)
 
 
 def test_results_show_and_verdicts_say_what_was_decided_and_when(run, capsys):
