@@ -78,7 +78,7 @@ class Results:
 
 
 AnyRun = str | PathLike[str]  # a run directory, or the `Results` of `run_study` or `load_run`
-AnyLedger = str | Path | None  # its TOML file; None: the claims of Latif & Parasuraman (2022)
+AnyLedger = ledgers.Ledger | str | Path | None  # its TOML file; None: the claims of Latif & Parasuraman (2022)
 Names = str | Iterable[str]  # as a list, or separated by commas
 
 

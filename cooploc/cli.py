@@ -241,7 +241,8 @@ def report(
     """
     chosen = {"estimators": only, "scenarios": scenarios, "baseline": baseline}
     if not (paper or figures or columns or everything):
-        terminal.tables.show_report(cl.report(folder, out, ledger, **chosen))
+        page = cl.report(folder, out, ledger, **chosen)
+        typer.echo(f"report: {page}\ntables: {page.parent / 'tables'}")
         return
     given = {"figures": figures, "columns": columns}
     how: Any = {**chosen, **{name: value for name, value in given.items() if value}}
@@ -257,7 +258,7 @@ def verdicts(folder: RunDirectory, ledger: Claims = None, wide: Wide = False, le
     found, mapped = api.verdicts_and_readings(folder, ledger)
     terminal.tables.show_verdicts(found, load(ledger), wide, legend)
     terminal.tables.show_interpretations(mapped, wide, legend)
-    terminal.tables.say_next(f"cooploc report {folder} (a page with these verdicts); --legend says what words mean")
+    typer.echo(f"next: cooploc report {folder} (a page with these verdicts); --legend says what words mean")
 
 
 @app.command()
@@ -278,7 +279,7 @@ def compare(
         typer.echo(found.markdown(title))
     else:
         terminal.tables.show_changes(title, found.settings, found.table, found.sentences, wide)
-        terminal.tables.say_next(f"cooploc report {after}; --wide prints what is bit-equal, too")
+        typer.echo(f"next: cooploc report {after}; --wide prints what is bit-equal, too")
     if fail_if and found.is_any(fail_if):
         raise typer.Exit(1)
 

@@ -52,8 +52,10 @@ class Ledger(LedgerTable):
         return f"Ledger({self.paper!r}, {len(self.claims)} claims, {len(self.variants)} variants)"
 
 
-def load(path: str | Path | None = None) -> Ledger:
-    """Read the ledger of a TOML file; without a path, that of Latif & Parasuraman (2022)."""
+def load(path: Ledger | str | Path | None = None) -> Ledger:
+    """Read the ledger of a TOML file; without a path, that of Latif & Parasuraman (2022). A ledger stays as it is."""
+    if isinstance(path, Ledger):
+        return path
     file: Any = files(__package__) / "claims.toml" if path is None else Path(path)
     try:
         content = tomllib.loads(file.read_text(encoding="utf-8"))

@@ -281,26 +281,16 @@ def show_interpretations(found: pd.DataFrame, every_column: bool = False, legend
         console.print(READING_LEGEND, style="dim")
 
 
-def say_next(step: str) -> None:
-    """Print what to do next, as the last line."""
-    wide().print(f"next: {step}")
-
-
-def show_report(page: Path) -> None:
-    """Say where a report is."""
-    wide().print(f"report: {page}\ntables: {page.parent / 'tables'}")
-
-
 def show_paper(example: Path) -> None:
     """Say where a paper's figures and tables are, and how to look at them."""
-    folder, latex = example.parent, example.read_text("utf-8")
+    folder, latex, make = example.parent, example.read_text("utf-8"), f"pdflatex {example.stem}"
     counts = {"figure": latex.count(r"\includegraphics"), "table": latex.count(r"\input{tables/")}
-    figures, tables = (count_of(number, noun) for noun, number in counts.items())
-    console = wide()
-    console.print(f"paper: {folder}\nin it: {figures}, {tables}, estimators.bib")
-    make = f"pdflatex {example.stem}"
-    console.print(f"to see them all: cd {folder} && {make} && bibtex {example.stem} && {make} && {make}")
-    say_next("copy figures/ and tables/ beside your paper; --figures, --only and --scenarios choose, --all writes all")
+    wide().print(
+        f"paper: {folder}\n"
+        f"in it: {', '.join(count_of(number, noun) for noun, number in counts.items())}, estimators.bib\n"
+        f"to see them all: cd {folder} && {make} && bibtex {example.stem} && {make} && {make}\n"
+        "next: copy figures/ and tables/ beside your paper; --figures, --only and --scenarios choose, --all writes all"
+    )
 
 
 def show_changes(title: str, settings: list[str], found: pd.DataFrame, said: list[str], everything: bool) -> None:
@@ -320,39 +310,20 @@ def show_changes(title: str, settings: list[str], found: pd.DataFrame, said: lis
 def show_reproduced(found: pd.DataFrame, differences: list[str]) -> None:
     """Print which trials of a report came out bit-equal."""
     console = wide()
-
-    def exact(metres: float) -> str:  # with so many digits that a difference shows
-        return "" if metres != metres else f"{metres:.9g}"
-
-    columns = (
-        text_column("scenario"),
-        text_column("estimator", second_line=True),
-        number_column("trial"),
-        number_column("RMSE then [m]", "before", form=exact),
-        number_column("now [m]", "after", form=exact, second_line=True),
-        text_column("", "equal", "remark", of=("remark",)),
-    )
-    console.print(Table("reproduced", "Trials that were run again", columns, found.to_dict("records")).terminal())
+    shown = found.drop(columns="equal").rename(columns={"before": "RMSE then [m]", "after": "now [m]"})
+    console.print(frame("Trials that were run again", shown, digits=9).terminal())
     equal = found["equal"].sum()
     console.print(f"{equal} of {len(found)} results are bit-equal")
     if equal < len(found) and differences:
         console.print(f"this machine differs from that of the report: {'; '.join(differences)}")
 
 
-PLAN_COLUMNS = (
-    text_column("scenario"),
-    text_column("estimator"),
-    text_column("vs", "baseline"),
-    number_column("change", form=change),
-    number_column("trials", form=count),
-    number_column("until decided", "until_decided", form=count),
-)
-
-
 def show_plan(found: pd.DataFrame, difference: float, jobs: int) -> None:
     """Print the trials of each comparison, and the time of all."""
     console = wide()
-    console.print(Table("plan", "", PLAN_COLUMNS, found.to_dict("records")).terminal())
+    forms = {"change": change, "trials": count, "until_decided": count}
+    texts = {name: found[name].map(form) for name, form in forms.items()}
+    console.print(frame("", found.assign(**texts).filter(["scenario", "estimator", "baseline", *forms])).terminal())
     console.print(
         f"Trials that show a change of RMSE of {100 * difference:g} % in four of five runs (80 % power): with one look "
         "at the end, and with --until-decided, where a change twice as large needs a quarter. From a pilot of "
@@ -384,54 +355,38 @@ def show_tuning(
 
 def show_checks(report: Report) -> None:
     """Print the results, how many of the checks passed, failed and were skipped, and what to do next."""
-    console = wide()
+    console, go_on = wide(), f"cooploc run quick --estimators mrsl-rssi,{report.name}"
     console.print(report.table(console.width))
-    if report.passed:
-        say_next(f"cooploc run quick --estimators mrsl-rssi,{report.name}")
-    else:
-        say_next("correct what failed, and check again")
+    console.print(f"next: {go_on if report.passed else 'correct what failed, and check again'}")
 
 
-USES = "uses: a|b is the first of the two that a scenario has; a? is used where it is there"
-HINDSIGHT = "with hindsight, from Python alone: cl.Smoother(), offline: neither ranked nor best"
-NAME, ABOUT = text_column("name"), text_column("what it is", "about")
-HEADS = {
-    "estimators": (NAME, ABOUT, text_column("uses")),
-    "scenarios": (text_column("name", "labels"), ABOUT),
-    "studies": (NAME, text_column("takes"), ABOUT),
-    "problems": (NAME, ABOUT, number_column("trials"), number_column("seed"), text_column("streams")),
-}
+NOTES = (
+    "  uses: a|b is the first of the two that a scenario has; a? is used where it is there\n"
+    "  with hindsight, from Python alone: cl.Smoother(), offline: neither ranked nor best"
+)
+NAMED = {"published": "to its letter", "best": "at its best"}
+ROLES = {"offline": "offline: neither ranked nor best", "bound": "a bound", "centralised": "centralised"}
 
 
 def show_list(kind: str, listed: pd.DataFrame) -> None:
     """Print the table of `cl.estimators()`, `cl.scenarios()`, ... of that kind, then plug-ins that cannot be used."""
     broken = listed["problem"] != "" if "problem" in listed else pd.Series(False, listed.index)
-    rows = [_row(row) for row in listed[~broken].to_dict("records")]
-    console = wide()
-    console.print(Table(kind, kind, HEADS[kind], rows).terminal())
+    rows, console = [], wide()
+    for row in listed[~broken].to_dict("records"):
+        shown: dict[Any, Any] = {"name": row.get("labels", row["name"])}
+        if kind == "studies":
+            shown["takes"] = duration(60 * row["minutes"]) if row["minutes"] > 0 else ""
+        notes = [f"({text})" for key, text in ROLES.items() if row.get(key)][:1]
+        notes += [f"{word}: {row[key]}." for key, word in NAMED.items() if row.get(key, row["name"]) != row["name"]]
+        shown["what it is"] = " ".join([row["about"], *notes])
+        shown |= {key: row[key] for key in ("uses", "trials", "seed") if key in row}
+        if "streams" in row:
+            shown["streams"] = ", ".join(f"{name} {hash}" for name, hash in row["streams"].items())
+        rows.append(shown)
+    console.print(frame(kind, pd.DataFrame(rows)).terminal())
     for row in listed[broken].to_dict("records"):
         console.print(f"  {row['name']}: not usable, {row['problem']}")
-    if kind == "estimators":
-        for line in (USES, HINDSIGHT):
-            console.print(f"  {line}")
-    console.print()
-
-
-def _row(row: dict[Any, Any]) -> dict[str, Any]:
-    minutes = row.get("minutes", float("nan"))
-    takes = "" if minutes != minutes else duration(60 * minutes)
-    about = row["about"]
-    if row.get("offline", False):
-        about += " (offline: neither ranked nor best)"
-    elif row.get("bound", False):
-        about += " (a bound)"
-    elif row.get("centralised", False) and not about.startswith("Centralised"):
-        about += " (centralised)"
-    for key, word in (("published", "to its letter"), ("best", "at its best")):
-        if row.get(key, row["name"]) != row["name"]:
-            about += f" {word}: {row[key]}."
-    streams = ", ".join(f"{name} {hash}" for name, hash in row.get("streams", {}).items())
-    return {**row, "about": about, "takes": takes, "streams": streams}
+    console.print(f"{NOTES}\n" if kind == "estimators" else "")
 
 
 MOST = 40  # rows of a table; `cl.inspect` has all
@@ -439,11 +394,14 @@ MOST = 40  # rows of a table; `cl.inspect` has all
 
 def show_inspection(found: Any, files: Sequence[Path]) -> None:
     """Print the tables of an inspection, its findings, and the files that were written."""
-    say, inspected = wide().print, found.inspected
+    say, inspected, log = wide().print, found.inspected, files[-1].parent / "log.toml"
     say(f"{inspected.path}: {inspected.format} ({inspected.why}), runs: {', '.join(inspected.runs)}\n")
     units = {"rate": "rate [Hz]", "first": "from [s]", "last": "to [s]", "longest": "longest [s]"}
-    _show_table("series", found.series.drop(columns="source").rename(columns=units))
-    _show_table("columns", found.columns)
+    series = found.series.drop(columns="source").rename(columns=units)
+    for name, table in (("series", series), ("columns", found.columns)):
+        if len(table):
+            say(frame(name, table.head(MOST)).terminal())
+            say(f"  and {len(table) - MOST} more\n" if len(table) > MOST else "")
     for text in inspected.unused:
         say(f"not used: {text}")
     for f in inspected.findings:
@@ -451,26 +409,19 @@ def show_inspection(found: Any, files: Sequence[Path]) -> None:
         say(f"  to change in log.toml: {f.change}")
     if not inspected.findings:
         say("nothing odd was found")
-    kept = "" if any(file.name == "log.toml" for file in files) else "; the log.toml that is there was left as it is"
+    kept = "" if log in files else "; the log.toml that is there was left as it is"
     say(f"written: {', '.join(map(str, files))}{kept}")
     for text in inspected.trial.lines:
         say(f"tried: {text}")
     if inspected.trial.problem:
         say(f"tried, and it does not run: {inspected.trial.problem}")
-        say(f"next: correct {files[-1].parent / 'log.toml'}, then cooploc inspect {files[-1].parent}")
+        say(f"next: correct {log}, then cooploc inspect {log.parent}")
     else:
-        say(f"next: look at both, then cooploc run log --data {files[-1].parent}")
+        say(f"next: look at both, then cooploc run log --data {log.parent}")
 
 
-def _show_table(name: str, table: pd.DataFrame) -> None:
-    """Print the first rows of a table, if it has any."""
-    if not len(table):
-        return
-    columns = tuple((number_column if table[c].dtype.kind in "if" else text_column)(str(c)) for c in table.columns)
-    records = table.head(MOST).to_dict("records")
-    rows = [{k: f"{v:.4g}" if isinstance(v, float) else str(v) for k, v in row.items()} for row in records]
-    say = wide().print
-    say(Table(name, name, columns, rows).terminal())
-    if len(table) > MOST:
-        say(f"  and {len(table) - MOST} more")
-    say()
+def frame(caption: str, table: pd.DataFrame, digits: int = 4) -> Table:
+    """Return a DataFrame as a table, numbers with so many digits at the right."""
+    columns = tuple((number_column if table[c].dtype.kind in "if" else text_column)(str(c)) for c in table)
+    texts = table.map(lambda value: f"{value:.{digits}g}" if isinstance(value, float) and value == value else value)
+    return Table(caption, caption, columns, texts.to_dict("records"))
