@@ -331,7 +331,7 @@ def tune(
     check: bool = True,
     isolate: bool = True,
 ) -> Tuned:
-    """Tune every estimator with the same budget, and compare it as published and tuned, as `cooploc tune` does.
+    """Tune every estimator with the same budget, and compare it as shipped and tuned, as `cooploc tune` does.
 
     What is tuned are the parameters that an estimator's class declares by `cl.tunable`, but for those that its label
     states. The streams of the search come from another seed than those of the comparison.

@@ -43,7 +43,7 @@ def values(runs: Path, out: Path, data: Path) -> dict[str, Any]:
 
 def _recorded(found: Any) -> dict[str, Any]:
     """Return the words on a recording, whose tables lack the columns that one trial cannot fill."""
-    absent = ("95 %", "p", "rank published", "failed")
+    absent = ("95 %", "p", "rank shipped", "failed")
     columns = tuple(column for column in tables.GAINS if column.head not in absent and column.keys[0] != "rank_tuned")
     wholes = [tables.gains_table(str(name), part) for name, part in found.table.groupby("scenario")]
     return {
@@ -54,27 +54,27 @@ def _recorded(found: Any) -> dict[str, Any]:
 
 
 def side_by_side(gains: pd.DataFrame) -> Table:
-    """Return the estimators of all scenarios by their error as published, and beside by their error as tuned.
+    """Return the estimators of all scenarios by their error as shipped, and beside by their error as tuned.
 
     RMSE is the geometric mean over scenarios, the score the plain one; only estimators of every scenario are in it.
     """
     everywhere = gains.groupby("estimator").filter(lambda part: len(part) == gains["scenario"].nunique())
     halves = []
-    for which in ("published", "tuned"):
+    for which in ("shipped", "tuned"):
         logs = everywhere.assign(rmse=np.log(everywhere[f"rmse_{which}"]), score=everywhere[f"score_{which}"])
         means = logs.groupby("estimator", sort=False)[["rmse", "score"]].mean()
         means = means.sort_values("rmse", kind="stable").reset_index()
         halves.append(means.assign(rmse=np.exp(means["rmse"])).add_suffix(f"_{which}"))
     rows = pd.concat(halves, axis=1)
-    before = {name: k for k, name in enumerate(rows["estimator_published"])}
+    before = {name: k for k, name in enumerate(rows["estimator_shipped"])}
     rows["place"] = range(1, len(rows) + 1)
     places = [before[name] - k for k, name in enumerate(rows["estimator_tuned"])]
     rows["moved"] = [f"up {n}" if n > 0 else f"down {-n}" if n < 0 else "" for n in places]
     columns = (
         number_column("place"),
-        text_column("as published", "estimator_published"),
-        number_column("RMSE [m]", "rmse_published", form=metres),
-        number_column("score", "score_published", form=ratio),
+        text_column("as shipped", "estimator_shipped"),
+        number_column("RMSE [m]", "rmse_shipped", form=metres),
+        number_column("score", "score_shipped", form=ratio),
         text_column("tuned alike", "estimator_tuned"),
         number_column("RMSE [m]", "rmse_tuned", form=metres),
         number_column("score", "score_tuned", form=ratio),

@@ -121,7 +121,7 @@ VALUE = "value: "  # before a parameter's name in the columns of `cl.tune(...).h
 def tuning(history: pd.DataFrame, ax: Axes | None = None) -> Axes:
     """Draw the gain of the best configuration so far, on training streams, against the trials that were used.
 
-    `history` is that of `cl.tune`. The first mark of a line is the configuration as published, whose gain is 0. What
+    `history` is that of `cl.tune`. The first mark of a line is the configuration as shipped, whose gain is 0. What
     is gained on training streams may be lost on fresh ones: the table of `cl.tune` has both.
     """
     ax = ax or style.new_axes(7.0, 4.0)
@@ -140,7 +140,7 @@ def tuned_parameters(history: pd.DataFrame, estimator: str) -> Axes:
     """Draw the gain of every configuration of one estimator in `cl.tune(...).history`, over each of its parameters.
 
     Filled marks ran all rounds, hollow ones were stopped early, after fewer trials; the cross is the configuration as
-    published, and a circle is drawn around the one that was chosen. The axes of the first panel are returned.
+    shipped, and a circle is drawn around the one that was chosen. The axes of the first panel are returned.
     """
     known = list(dict.fromkeys(history["estimator"]))
     if estimator not in known:

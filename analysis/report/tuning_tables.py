@@ -1,4 +1,4 @@
-"""Tables of a tuning for readers: as published and tuned, with the gain on training streams and on fresh ones."""
+"""Tables of a tuning for readers: as shipped and tuned, with the gain on training streams and on fresh ones."""
 
 import pandas as pd
 
@@ -19,19 +19,19 @@ def parameters(label: str) -> str:
 
 GAINS = (
     text_column("estimator"),
-    number_column("RMSE published [m]", "rmse_published", form=metres),
+    number_column("RMSE shipped [m]", "rmse_shipped", form=metres),
     number_column("tuned [m]", "rmse_tuned", form=metres, second_line=True),
     number_column("change", "change", form=change),
     number_column("95 %", "change_low", "change_high", form=interval(change), second_line=True),
     number_column("p", "p_holm", form=p_value, priority=3),
-    number_column("score published", "score_published", form=ratio, priority=5),
+    number_column("score shipped", "score_shipped", form=ratio, priority=5),
     number_column("tuned", "score_tuned", form=ratio, second_line=True, priority=5),
-    number_column("ANEES published", "anees_published", form=ratio, priority=4),
+    number_column("ANEES shipped", "anees_shipped", form=ratio, priority=4),
     number_column("tuned", "anees_tuned", form=ratio, second_line=True, priority=4),
     number_column("training gain", "training_gain", form=gain),
     number_column("fresh gain", "fresh_gain", form=gain, second_line=True),
     number_column("95 %", "fresh_gain_low", "fresh_gain_high", form=interval(gain), priority=2),
-    number_column("rank published", "rank_published", form=count, priority=1),
+    number_column("rank shipped", "rank_shipped", form=count, priority=1),
     number_column("tuned", "rank_tuned", form=count, second_line=True, priority=1),
     number_column("failed", "failed_tuned", form=count),
 )
@@ -45,8 +45,8 @@ LEGEND = (
 
 
 def gains_table(scenario: str, part: pd.DataFrame) -> Table:
-    """Return one scenario's estimators, by their error as published."""
-    ordered = part.sort_values("rmse_published", kind="stable")
+    """Return one scenario's estimators, by their error as shipped."""
+    ordered = part.sort_values("rmse_shipped", kind="stable")
     caption = f"{scenario}: {count(part['trials'].max())} fresh trials"
     return Table("tuned", caption, GAINS, ordered.to_dict("records"))
 
@@ -56,7 +56,7 @@ def chosen_table(history: pd.DataFrame, tuned: dict[str, str]) -> Table:
     rows = [
         {
             "estimator": str(name),
-            "tuned": "as published" if tuned[str(name)] == name else parameters(tuned[str(name)]),
+            "tuned": "as shipped" if tuned[str(name)] == name else parameters(tuned[str(name)]),
             "configurations": len(part),
             "stopped": (part["state"] == "stopped").sum(),
             "trials": part["trials"].sum(),
@@ -75,10 +75,10 @@ def chosen_table(history: pd.DataFrame, tuned: dict[str, str]) -> Table:
 def order_sentence(table: pd.DataFrame, by: str) -> str:
     """Return in one sentence how tuning changed the order of all pairs."""
     n, of = len(table), table["became"].value_counts()
-    changed = (table["smaller_published"] != table["smaller_tuned"]).sum()
+    changed = (table["smaller_shipped"] != table["smaller_tuned"]).sum()
     return (
         f"By {by}, {of.get('reversed', 0)} of {n} pairs of estimators in a scenario are significantly reversed by "
         f"tuning, {of.get('kept', 0)} keep a significant order, {of.get('appeared', 0)} are told apart only when "
-        f"tuned, {of.get('vanished', 0)} only as published, {of.get('open', 0)} in neither; significant or not, the "
+        f"tuned, {of.get('vanished', 0)} only as shipped, {of.get('open', 0)} in neither; significant or not, the "
         f"smaller error changes sides in {changed}."
     )

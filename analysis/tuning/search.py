@@ -1,10 +1,10 @@
 """The search for better parameters of one estimator: what may be tried, what a trial scores, and the race.
 
 Every estimator has a race of its own, with the same budget of trials on the same training streams. A round of it is
-one trial of every scenario. The configuration as published runs all rounds first; then small batches of others,
+one trial of every scenario. The configuration as shipped runs all rounds first; then small batches of others,
 proposed by optuna's tree-structured Parzen estimator, enter at one round and go on to two, four and so on, unless
 their paired differences to the best so far show that they are worse. One that survives all rounds is chosen where it
-is the best, and its paired differences to the published configuration show that it is better; so chance alone seldom
+is the best, and its paired differences to the shipped configuration show that it is better; so chance alone seldom
 moves an estimator. Every trial counts in the budget, also those of configurations that were stopped.
 
 A trial scores one number, smaller is better. `nll`, the mean negative log-likelihood of the true position [nats], is a
@@ -41,7 +41,7 @@ IMPORT_LIMIT = 600.0  # [s] to import what is not built in
 RANDOM = 8  # first configurations, drawn uniformly
 AGAIN = 20  # times that a known configuration may be proposed before the space counts as exhausted
 BATCH = 4  # configurations that enter together at most, whatever the number of processes
-SHARE = 6  # the configuration as published uses at most one in so many of the budget's trials
+SHARE = 6  # the configuration as shipped uses at most one in so many of the budget's trials
 MOST_ROUNDS = 64
 LEAST = 3  # differences that can show a configuration to be better or worse than another
 SURE = 0.95  # of the one-sided interval that does
@@ -91,24 +91,24 @@ OBJECTIVES: dict[str, tuple[str, Callable[[Array], Array], Callable[[Array], Arr
 
 @dataclass(frozen=True)
 class Space:
-    """An estimator as published, and the parameters that its class declares, but for those that its label states.
+    """An estimator as shipped, and the parameters that its class declares, but for those that its label states.
 
     `mrsl-rssi[K=1]` keeps K=1, whatever is tried of the others.
     """
 
-    published: ConfiguredEstimator
+    shipped: ConfiguredEstimator
     parameters: Mapping[str, Tunable]
 
     def label(self, values: Mapping[str, Value]) -> str:
-        """Return the label of a configuration; that of the published one where nothing differs from it."""
+        """Return the label of a configuration; that of the shipped one where nothing differs from it."""
         changed = {key: value for key, value in values.items() if value != self.parameters[key].default}
         if not changed:
-            return self.published.label
-        written = dict(self.published.parameters)
+            return self.shipped.label
+        written = dict(self.shipped.parameters)
         for key, value in sorted(changed.items()):
             text = f"{value:.{DIGITS}g}" if isinstance(value, float) else str(value)
             written[key] = text.lower() if isinstance(value, bool) else text
-        name = self.published.label.partition("[")[0]
+        name = self.shipped.label.partition("[")[0]
         return f"{name}[{','.join(f'{key}={value}' for key, value in written.items())}]"
 
 
@@ -131,7 +131,7 @@ def _parameters_of(label: str) -> dict[str, Tunable]:
 class Sampler:
     """Proposes configurations of one space; the same seed and the same scores give the same proposals.
 
-    It begins with the published configuration, whose score is 0, as all others are relative to it.
+    It begins with the shipped configuration, whose score is 0, as all others are relative to it.
     """
 
     def __init__(self, space: Space, seed: int) -> None:
@@ -144,7 +144,7 @@ class Sampler:
             sampler=optuna.samplers.TPESampler(n_startup_trials=RANDOM, seed=seed % 2**32)
         )
         self._asked: dict[str, Any] = {}  # label -> optuna's trial, until its score is known
-        self._known: dict[str, float | None] = {space.published.label: 0.0}  # label -> its score, once it is known
+        self._known: dict[str, float | None] = {space.shipped.label: 0.0}  # label -> its score, once it is known
         values = {key: one.default for key, one in space.parameters.items()}
         if values and all(one._contains(one.to_internal_repr(values[key])) for key, one in self._ranges.items()):
             self._study.add_trial(optuna.create_trial(params=values, distributions=self._ranges, value=0.0))
@@ -228,15 +228,15 @@ class Finish(NamedTuple):
 
     space: Space
     lanes: Sequence[Lane]
-    entrants: list[Entrant]  # the first is the configuration as published
+    entrants: list[Entrant]  # the first is the configuration as shipped
     best: Entrant
     rounds: int
     spent: int
 
     @property
-    def published(self) -> str:
+    def shipped(self) -> str:
         """The label of the estimator as the study has it."""
-        return self.space.published.label
+        return self.space.shipped.label
 
 
 def full_rounds(budget: int, lanes: int) -> int:
@@ -248,10 +248,10 @@ def race(space: Space, lanes: Sequence[Lane], budget: int, seed: int, compute: S
     """Search for a better configuration of one estimator with so many trials; `seed` is the sampler's."""
     full = full_rounds(budget, len(lanes))
     rungs = [*(2**k for k in range(full.bit_length()) if 2**k < full), full]
-    sampler, published = Sampler(space, seed), Entrant(0, space.published.label)
-    entrants, best, left = [published], published, budget
-    left -= _run_rounds([published], lanes, full, compute)
-    published.state, published.spent, published.best = "finished", budget - left, True
+    sampler, shipped = Sampler(space, seed), Entrant(0, space.shipped.label)
+    entrants, best, left = [shipped], shipped, budget
+    left -= _run_rounds([shipped], lanes, full, compute)
+    shipped.state, shipped.spent, shipped.best = "finished", budget - left, True
     while affordable := min(BATCH, left // (full * len(lanes))):
         labels = [label for label in (sampler.propose() for _ in range(affordable)) if label]
         batch = [Entrant(len(entrants) + i, label) for i, label in enumerate(labels)]
@@ -265,10 +265,10 @@ def race(space: Space, lanes: Sequence[Lane], budget: int, seed: int, compute: S
                 alive.remove(one)
                 one.state, one.spent = "stopped", budget - left
         for one in alive:
-            one.best = is_worse(published, one) and one.mean(lanes, full) < best.mean(lanes, full)
+            one.best = is_worse(shipped, one) and one.mean(lanes, full) < best.mean(lanes, full)
             one.state, one.spent, best = "finished", budget - left, one if one.best else best
         for one in batch:
-            sampler.tell(one.label, one.mean(lanes, one.rounds) - published.mean(lanes, one.rounds))
+            sampler.tell(one.label, one.mean(lanes, one.rounds) - shipped.mean(lanes, one.rounds))
     return Finish(space, lanes, entrants, best, full, budget - left)
 
 

@@ -1,4 +1,4 @@
-"""Tune every estimator of a study alike, then run it as published and as tuned on the study's own streams.
+"""Tune every estimator of a study alike, then run it as shipped and as tuned on the study's own streams.
 
 The streams that estimators are tuned on never meet those that results are reported of. Simulated ones come from a seed
 of their own, a hash of the study's seed that does not lead back to it. A recording has no seed: the study says in
@@ -40,10 +40,10 @@ from cooploc.scenarios.studies.study import Block, ResolvedCell, ResolvedStudy, 
 
 MOST_BUDGET = 1_000_000
 STUDY_FILE, RECORD_FILE = "tuned.toml", "tuning.json"
-HISTORY_FILE, TABLE_FILE = "history.csv", "published-and-tuned.csv"
+HISTORY_FILE, TABLE_FILE = "history.csv", "shipped-and-tuned.csv"
 VALUE = "value: "  # before a parameter's name: columns of `history`
 SHOWN = ("rmse", "nll", "anees", "consistency", "coverage95", "failed")
-SIDES = ("published", "tuned")
+SIDES = ("shipped", "tuned")
 SIGNIFICANCE = 0.05
 
 
@@ -53,7 +53,7 @@ class Tuned:
 
     folder: Path
     history: pd.DataFrame  # one row per configuration that was tried, as of `history`
-    table: pd.DataFrame  # one row per scenario and estimator, as published and tuned, as of `gains`
+    table: pd.DataFrame  # one row per scenario and estimator, as shipped and tuned, as of `gains`
     rows: pd.DataFrame  # as `cl.errors`, of the fresh streams
     tuned: dict[str, str]  # the tuned label of every estimator
     record: dict[str, Any]  # budget, seeds, hashes of the streams that tuning used
@@ -64,7 +64,7 @@ class Tuned:
         return self.folder / STUDY_FILE
 
     def order(self, by: str = "rmse") -> pd.DataFrame:
-        """Compare every pair of estimators as published and as tuned, as of `order`."""
+        """Compare every pair of estimators as shipped and as tuned, as of `order`."""
         return order(self.rows, self.tuned, by)
 
     def __repr__(self) -> str:
@@ -102,7 +102,7 @@ def tune(
     for space, mine in competitors:
         if budget < len(mine):
             raise BadInput(
-                f"the budget is {budget} trials, and {space.published.label!r} is tuned on {len(mine)} scenarios: give "
+                f"the budget is {budget} trials, and {space.shipped.label!r} is tuned on {len(mine)} scenarios: give "
                 f"at least --budget {len(mine)}"
             )
     (out / RECORD_FILE).unlink(missing_ok=True)
@@ -112,7 +112,7 @@ def tune(
     evaluations = Evaluations(asked, scenarios, out / "training", objective, watcher, options)
     sampler_seed = derived_seed(study.seed, "sampler")
     finishes = [race(space, mine, budget, sampler_seed, evaluations.compute) for space, mine in competitors]
-    tuned = {one.label: one.label for one in asked.estimators} | {one.published: one.best.label for one in finishes}
+    tuned = {one.label: one.label for one in asked.estimators} | {one.shipped: one.best.label for one in finishes}
     _write(out / STUDY_FILE, as_toml(tuned_study(study, tuned, seed, both=False)))
     both = prepare(tuned_study(study, tuned, seed, both=True), data, isolate=isolate)
     rows = execute(both, out / "fresh", check=check, progress=watcher, **options)
@@ -123,9 +123,9 @@ def tune(
         "optuna": version("optuna"),
         "seed": study.seed,
         "training_seed": seed,
-        "spent": {one.published: one.spent for one in finishes},
+        "spent": {one.shipped: one.spent for one in finishes},
         "spaces": {
-            one.published: {name: each._asdict() for name, each in one.space.parameters.items()} for one in finishes
+            one.shipped: {name: each._asdict() for name, each in one.space.parameters.items()} for one in finishes
         },
         "streams": {f"{item.scenario}, trial {item.trial}": digest for item, digest in evaluations.streams.items()},
         "tuned": tuned,
@@ -301,7 +301,7 @@ def tuned_study(study: Study, tuned: Mapping[str, str], seed: int, both: bool) -
         Block(scenarios=tuple(scenarios), estimators=labels, baseline=baseline, experiment=experiment)
         for (experiment, labels, baseline), scenarios in blocks.items()
     )
-    name = f"{study.name}-{'published-and-tuned' if both else 'tuned'}"
+    name = f"{study.name}-{'shipped-and-tuned' if both else 'tuned'}"
     emptied: dict[str, Any] = dict.fromkeys(("scenarios", "estimators", "only"), ())
     emptied |= {"baseline": "", "variants": {}, "minutes": None, "streams": {}}
     return study.model_copy(update={**emptied, "name": name, "also": also, "tuned_with": seed})
@@ -328,7 +328,7 @@ def history(finishes: Sequence[Finish]) -> pd.DataFrame:
 
     Columns: `estimator`, `number`, `label`; `state`, "finished", or "stopped" as hopeless; `rounds`; `trials` that it
     used; `spent`, those of its estimator until then; `score`, its mean over its rounds; `gain`, how much smaller that
-    is than the published one's on the same rounds; `best`, whether it was the best until then; and "value: NAME" for
+    is than the shipped one's on the same rounds; `best`, whether it was the best until then; and "value: NAME" for
     every parameter.
     """
     rows = []
@@ -339,25 +339,25 @@ def history(finishes: Sequence[Finish]) -> pd.DataFrame:
             row |= {"trials": len(entrant.scores), "spent": entrant.spent, "score": score, "gain": before - score}
             written = parse(entrant.label)[1]
             values = {f"{VALUE}{key}": written.get(key, one.default) for key, one in finish.space.parameters.items()}
-            rows.append({"estimator": finish.published, **row, "best": entrant.best, **values})
+            rows.append({"estimator": finish.shipped, **row, "best": entrant.best, **values})
     return pd.DataFrame(rows)
 
 
 def gains(rows: pd.DataFrame, finishes: Sequence[Finish], objective: str) -> pd.DataFrame:
-    """Return one row per scenario and estimator: as published and as tuned on the same fresh streams.
+    """Return one row per scenario and estimator: as shipped and as tuned on the same fresh streams.
 
     Columns:
         scenario, estimator: as the study has it; tuned: the label of the tuned configuration
-        rmse [m], nll [nats], anees, consistency, coverage95, failed: each `_published` and `_tuned`, as of `compare`
-        score_published, score_tuned: the mean of what was made small, in its unit
-        change, change_low, change_high: RMSE tuned / published - 1, with its paired 95 % interval
+        rmse [m], nll [nats], anees, consistency, coverage95, failed: each `_shipped` and `_tuned`, as of `compare`
+        score_shipped, score_tuned: the mean of what was made small, in its unit
+        change, change_low, change_high: RMSE tuned / shipped - 1, with its paired 95 % interval
         p_holm: p of that difference, adjusted by Holm over all rows
         training_gain: how much the mean score fell on the training streams, of which the best was chosen; nan where
             the scenario was not trained on
         fresh_gain, fresh_gain_low, fresh_gain_high: the same on fresh streams, with its paired 95 % interval
-        rank_published, rank_tuned: by RMSE among the scenario's estimators; nan where a trial failed
+        rank_shipped, rank_tuned: by RMSE among the scenario's estimators; nan where a trial failed
     """
-    of = {one.published: one for one in finishes}
+    of = {one.shipped: one for one in finishes}
     table = pd.DataFrame(
         [
             _compare_pair(part[part["estimator"].isin({name, of[name].best.label})], str(scenario), of[name], objective)
@@ -374,20 +374,20 @@ def gains(rows: pd.DataFrame, finishes: Sequence[Finish], objective: str) -> pd.
 
 
 def _compare_pair(rows: pd.DataFrame, scenario: str, finish: Finish, objective: str) -> dict[str, Any]:
-    published, best = finish.published, finish.best.label
-    records = {row["estimator"]: row for row in compare(rows, baseline=published, full=True).to_dict("records")}
-    before, after = records[published], records[best]
+    shipped, best = finish.shipped, finish.best.label
+    records = {row["estimator"]: row for row in compare(rows, baseline=shipped, full=True).to_dict("records")}
+    before, after = records[shipped], records[best]
     scores = {label: trial_scores(part, objective) for label, part in rows.groupby("estimator")}
-    fresh = statistics.mean(np.asarray(scores[published] - scores[best], float))
+    fresh = statistics.mean(np.asarray(scores[shipped] - scores[best], float))
     lane, rounds = [one for one in finish.lanes if one.judged == scenario], finish.rounds
-    same = best == published
+    same = best == shipped
     return {
         "scenario": scenario,
-        "estimator": published,
+        "estimator": shipped,
         "tuned": best,
         "trials": int(before["trials"]),
         **{f"{name}_{which}": row[name] for name in SHOWN for which, row in zip(SIDES, (before, after), strict=True)},
-        "score_published": scores[published].mean(),
+        "score_shipped": scores[shipped].mean(),
         "score_tuned": scores[best].mean(),
         **{name: 0.0 if same else after[name] for name in ("change", "change_low", "change_high")},
         "p": np.nan if same else after["p"],
@@ -399,12 +399,12 @@ def _compare_pair(rows: pd.DataFrame, scenario: str, finish: Finish, objective: 
 
 
 def order(rows: pd.DataFrame, tuned: Mapping[str, str], by: str = "rmse") -> pd.DataFrame:
-    """Compare every pair of estimators without failed trials, as published and as tuned; one row per scenario and pair.
+    """Compare every pair of estimators without failed trials, as shipped and as tuned; one row per scenario and pair.
 
-    Columns: `scenario`, `a`, `b`: labels as published; `published`, `tuned`: the one with the smaller mean error, or
+    Columns: `scenario`, `a`, `b`: labels as shipped; `shipped`, `tuned`: the one with the smaller mean error, or
     empty where the difference is not significant (Holm over all pairs of all scenarios, in each of the two alone);
-    `smaller_published`, `smaller_tuned`: that one, significant or not; `became`: "kept" (the same is significantly
-    better), "reversed" (the other one is), "appeared" and "vanished" (significant only tuned, or only as published),
+    `smaller_shipped`, `smaller_tuned`: that one, significant or not; `became`: "kept" (the same is significantly
+    better), "reversed" (the other one is), "appeared" and "vanished" (significant only tuned, or only as shipped),
     "open" (neither).
     """
     found = []
@@ -428,7 +428,7 @@ def order(rows: pd.DataFrame, tuned: Mapping[str, str], by: str = "rmse") -> pd.
     for which in SIDES:
         adjusted = statistics.holm(table.pop(f"p_{which}").to_numpy(float))
         table[which] = table[f"smaller_{which}"].where(adjusted < SIGNIFICANCE, "")
-    p, t = table["published"], table["tuned"]
+    p, t = table["shipped"], table["tuned"]
     outcomes = [(p != "") & (p == t), (p != "") & (t != ""), p != "", t != ""]
     table["became"] = np.select(outcomes, ["kept", "reversed", "vanished", "appeared"], "open")
     return table

@@ -114,7 +114,8 @@ def table(
             best = lowest_that_qualifies(one.rows)
             console.print(one.terminal(partial(_bold, best)))
             console.print()
-        brackets = "" if every_column else "in brackets: 95 % intervals over trials; "
+        bracketed = not every_column and table["rmse_low"].notna().any()
+        brackets = "in brackets: 95 % intervals over trials; " * bool(bracketed)
         console.print(f"{brackets}bold: the lowest RMSE of those that may be called best", style="dim")
         for text in (*_legend(shown), *[STOPPED] * ("look" in table)) if legend else ():
             console.print(text, style="dim")

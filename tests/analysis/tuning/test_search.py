@@ -99,7 +99,7 @@ def test_no_trial_is_run_twice_and_all_of_them_count_in_the_budget(budget):
     pairs = [pair for one in asked for pair in one]
     assert len(pairs) == len(set(pairs)) == finish.spent <= budget
     assert budget - finish.spent < full_rounds(budget, 2) * 2
-    assert {label for label, _ in asked[0]} == {"ekf-local"}  # as published
+    assert {label for label, _ in asked[0]} == {"ekf-local"}  # as shipped
     assert all("ekf-local" not in dict(later) for later in asked[1:])
 
 
@@ -112,7 +112,7 @@ def test_what_is_hopeless_stops_early_and_what_is_better_is_chosen():
     assert finish.best.state == "finished"
 
 
-def test_an_estimator_that_nothing_makes_better_mostly_stays_as_published():
+def test_an_estimator_that_nothing_makes_better_mostly_stays_as_shipped():
     def flat(label, item):
         return noise(item) + noise(item, label)
 

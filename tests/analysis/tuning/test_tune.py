@@ -180,14 +180,14 @@ def test_the_command_says_what_was_chosen_what_it_bought_and_what_became_of_the_
     )
     done = inside("tune", study, "--budget", "20", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    for word in ("as published", "training gain", "fresh gain", "reversed", "training seed", "cooploc run"):
+    for word in ("as shipped", "training gain", "fresh gain", "reversed", "training seed", "cooploc run"):
         assert word in done.stdout
     folder = tmp_path / "runs" / "mine-seed1-tuned"
     again = cl.load_tuned(folder)
     assert list(again.tuned) == ["ekf-local", "dead-reckoning"]
     assert again.table["fresh_gain"].notna().all()
     files = "score-against-budget.png parameters-ekf-local.png tuned.toml tuning.json history.csv"
-    assert {*files.split(), "published-and-tuned.csv"} <= {file.name for file in folder.iterdir()}
+    assert {*files.split(), "shipped-and-tuned.csv"} <= {file.name for file in folder.iterdir()}
 
 
 def test_an_order_that_tuning_reverses_is_called_reversed_and_one_that_it_hides_vanishes(rng):
@@ -198,7 +198,7 @@ def test_an_order_that_tuning_reverses_is_called_reversed_and_one_that_it_hides_
     table = order(rows, {name: f"{name}[t=1]" for name in "abc"}).set_index(["a", "b"])
     assert table.loc[("a", "b"), "became"] == "reversed"
     assert table.loc[("b", "c"), "became"] == "kept"
-    assert table.loc[("a", "c"), "published"] == "a"
+    assert table.loc[("a", "c"), "shipped"] == "a"
     assert "1 of 3 pairs" in order_sentence(table, "RMSE")
 
 
