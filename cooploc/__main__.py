@@ -18,14 +18,18 @@ def main() -> None:
     try:
         code = app(standalone_mode=False)
         if code == INTERRUPTED:  # typer has caught Ctrl-C
-            _say(f"interrupted; {KEPT}", code)
+            _say(f"interrupted; {KEPT}")
         sys.stdout.flush()
     except Exception as e:
         line = _explain(e)
         if line is None:
             raise
-        code = _say(line, 2)
-        _forget_output()
+        _say(line)
+        code = 2
+        try:  # output that cannot be written goes nowhere; else Python complains of it at its end
+            sys.stdout.flush()
+        except (OSError, ValueError):
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     sys.exit(code)
 
 
@@ -47,21 +51,12 @@ def _explain(e: BaseException) -> str | None:
     return None
 
 
-def _say(message: str, code: int) -> int:
+def _say(message: str) -> None:
     from cooploc.terminal.console import wide
 
     with contextlib.suppress(OSError):
         wide(stderr=True).print("cooploc:", " ".join(message.split()))
         sys.stderr.flush()
-    return code
-
-
-def _forget_output() -> None:
-    """Send output that could not be written nowhere; else Python complains of it at its end."""
-    try:
-        sys.stdout.flush()
-    except (OSError, ValueError):
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 if __name__ == "__main__":

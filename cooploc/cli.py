@@ -56,14 +56,8 @@ KINDS = ("estimators", "scenarios", "studies")
 @app.command(name="list")
 def list_(
     kind: Annotated[str | None, typer.Argument(help="estimators, scenarios or studies")] = None,
-    markdown: Annotated[bool, typer.Option("--markdown", help="print the documentation's table of estimators")] = False,
 ) -> None:
     """List estimators, scenarios, studies, and broken plug-ins."""
-    if markdown:
-        from cooploc.catalogue import markdown as table
-
-        typer.echo(table())
-        return
     from cooploc.estimators.errors import nearest
 
     plural = {"estimator": "estimators", "scenario": "scenarios", "study": "studies"}.get(kind or "", kind)

@@ -1,4 +1,7 @@
-"""Pages that the code writes: the commands, the lists, the notebooks, the reports and their figures."""
+"""Pages that the code writes: the commands, the lists, the notebooks, the reports and their figures.
+
+`python docs/generated.py` prints the table of estimators that `reference/estimators.md` holds.
+"""
 
 import re
 import shutil
@@ -9,6 +12,8 @@ import typer
 
 import cooploc as cl
 from cooploc.cli import app
+from cooploc.estimators import BUILTIN
+from cooploc.scenarios.runner.trace import trace
 
 TO_A_FILE = r"\[([^]]*)\]\((?:[^)]*\.(?:html|json|csv|py|pdf)|tables/[^)]*)\)"  # not a page: the text is enough
 ROOT = Path(__file__).resolve().parents[1]
@@ -70,3 +75,37 @@ def _table(kind: str, columns: list[str]) -> str:
     lines = [columns, ["---"] * len(columns)]
     lines += [[str(row[c]).replace("|", "\\|") for c in columns] for row in found.to_dict("records")]
     return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
+
+
+SCENARIOS = ("robots-1-3/n=3[ticks=5]", "camera/n=3[ticks=20]")
+
+
+def estimators() -> str:
+    """A row for each built-in estimator: what it is, senses and sends, its bytes, consistency and source."""
+    head = ["name", "what it is", "senses", "sends", "bytes per message", "known consistency", "source"]
+    lines = [head, ["---"] * len(head)]
+    for row in cl.estimators().set_index("name", drop=False).loc[list(BUILTIN)].to_dict("records"):
+        name, about = f"`{row['name']}`", row["about"].partition(". ")[0].rstrip(".") + "."
+        about += " **The bound** of all others." if row["bound"] else ""
+        senses, made = row["uses"].replace("|", " or ").replace("_", " "), cl.make(row["name"])
+        sends = getattr(made, "sends", "as its source says")
+        consistency = getattr(made, "consistency", "not known")  # in theory; every table of results has what runs say
+        lines.append([name, about, senses, sends, _bytes(row["name"]), consistency, row["source"]])
+    return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
+
+
+def _bytes(name: str) -> str:
+    """The mean bytes of a message of three robots, where radio, and where cameras, see teammates."""
+    found = []
+    for label in SCENARIOS:
+        try:
+            sent = trace(name, cl.make(name), cl.simulate(label, trials=2, seed=1)[1])
+        except cl.IncompatibleEstimator:
+            continue
+        if sent.messages.sum():
+            found.append(f"{sent.bytes.sum() / sent.messages.sum():.0f}")
+    return ", ".join(found)
+
+
+if __name__ == "__main__":
+    print(estimators())

@@ -1,33 +1,21 @@
 """Text for a terminal: what could move its cursor, change its colours or hide text is shown as what it is."""
 
-import re
-import sys
 import time
 import unicodedata
 from typing import Any
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.text import Text
-
-from cooploc.analysis.formats import duration
 
 HIDDEN = {"Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp"}  # Unicode's control, format, surrogate, private, separating
 KEPT = {"\n", "\t"}
-PLAIN = re.compile(r"[\n\t\x20-\x7e]*")
 
 
 def visible(text: str) -> str:
     r"""Return the text with every control character written out, such as \x1b."""
-    if PLAIN.fullmatch(text):
-        return text
-    shown = (c in KEPT or unicodedata.category(c) not in HIDDEN for c in text)
-    return "".join(
-        c if plain else c.encode("unicode_escape").decode("ascii") for c, plain in zip(text, shown, strict=True)
-    )
-
-
-# The consoles that commands print on.
+    hidden = {c for c in text if c not in KEPT and unicodedata.category(c) in HIDDEN}
+    return "".join(c.encode("unicode_escape").decode("ascii") if c in hidden else c for c in text)
 
 
 class PlainConsole(Console):
@@ -56,58 +44,46 @@ def wide(stderr: bool = False, every: bool = False) -> Console:
     return PlainConsole(stderr=stderr, soft_wrap=True, width=UNLIMITED if every else PIPED)
 
 
-# The progress of a run on stderr: a bar on a terminal, a line now and then elsewhere.
-
 LINE_EVERY = 5.0  # [s]
-ENOUGH, LONG = 0.1, 60.0  # share of the trials, or [s], before which compilation hides how fast a run is
 
 
 class TerminalProgress:
-    """Counts (estimator, trial) pairs; a context manager around the run."""
+    """Counts (estimator, trial) pairs on stderr, in a bar on a terminal, else in a line now and then."""
 
     def __init__(self) -> None:
-        self.total, self.found, self.done, self.failed = 0, 0, 0, 0
-        self._began = self._said = time.monotonic()
+        self.total, self.done, self.failed, self._said = 0, 0, 0, time.monotonic()
         self._console = wide(stderr=True)
-        columns = (BarColumn(bar_width=16), MofNCompleteColumn(), TextColumn("trials{task.description}", markup=False))
-        self._bar = Progress(*columns, console=self._console, transient=True) if self._console.is_terminal else None
+        text = TextColumn("{task.description}", markup=False)
+        columns = (BarColumn(bar_width=16), MofNCompleteColumn(), TimeRemainingColumn(compact=True), text)
+        self._bar = Progress(*columns, console=self._console, transient=True, disable=not self._console.is_terminal)
+        self._task = self._bar.add_task("starting", total=None)
 
     def __enter__(self) -> "TerminalProgress":
-        if self._bar:
-            self._bar.start()
-            self._task = self._bar.add_task(", starting", total=None)
+        self._bar.start()
         return self
 
     def __exit__(self, *_: object) -> None:
-        if self._bar:
-            self._bar.stop()
+        self._bar.stop()
 
     def compiling(self) -> None:
         """Say that the wait is for kernels, and that it is not for every run."""
-        if self._bar:
-            self._bar.update(self._task, description=", compiling, once")
+        self._bar.update(self._task, description="compiling, once")
 
     def begin(self, trials: int, found: int) -> None:
         """Start: (estimator, trial) pairs in all, and those found on disk already."""
         if found and not self.total:  # not at every look of a run until decided
             self.say(f"{found} of {trials} trials are on disk already")
-        self.total, self.found, self.done = trials, found, found
-        self._began = self._said = time.monotonic()
-        if self._bar:
-            self._bar.update(self._task, total=trials, completed=found, description="")
+        self.total, self.done = trials, found
+        self._bar.reset(self._task, total=trials, completed=found, description="")
 
     def advance(self, what: str, trials: int, failed: int) -> None:
         """Take note of a finished part."""
         self.done, self.failed = self.done + trials, self.failed + failed
-        share = (self.done - self.found) / max(1, self.total - self.found)
-        spent = time.monotonic() - self._began
-        left = f", about {duration(spent * (1 - share) / share)} left" if share > ENOUGH or spent > LONG else ""
-        text = f"{left}{f', {self.failed} failed' if self.failed else ''} ({visible(what)})"
-        if self._bar:
-            self._bar.update(self._task, completed=self.done, description=text)
-        elif time.monotonic() - self._said > LINE_EVERY:
+        text = f"{f'{self.failed} failed, ' if self.failed else ''}{visible(what)}"
+        self._bar.update(self._task, completed=self.done, description=text)
+        if self._bar.disable and time.monotonic() - self._said > LINE_EVERY:
             self._said = time.monotonic()
-            print(f"{self.done} of {self.total} trials{text}", file=sys.stderr, flush=True)
+            self.say(f"{self.done} of {self.total} trials ({text})")
 
     def say(self, line: str) -> None:
         """Print something that the user should know, above the bar."""
