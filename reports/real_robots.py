@@ -32,7 +32,7 @@ def ranges(label: str, data: Path) -> pd.DataFrame:
     judged = model.judged_run
     log, robots = judged.log, judged.log.robots
     whole = FitPart(log, *span(log))
-    found = residuals([whole], "range", robots, judged.grid.tick, Gaps(0.5, 0.5))
+    found = residuals([whole], "range", robots, judged.how._replace(gaps=Gaps(0.5, 0.5)))
     error = found.z[:, 0] - found.distance
     rows = []
     for link in np.unique(found.link):

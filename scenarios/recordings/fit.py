@@ -4,11 +4,13 @@ A value that the description states, or a parameter overrides, is not fitted. Wi
 Then sigma of readings is that of the Gaussian core, as filters refuse what is far from it; sigma of odometry, which no
 filter refuses, is the median run's root mean square.
 
-Source of the robust fits: P. J. Huber, E. M. Ronchetti, "Robust Statistics", 2nd ed., 2009, secs. 7.7 and 7.8
-(proposal 2, by iterated weights).
+Sources: P. J. Huber, E. M. Ronchetti, "Robust Statistics", 2nd ed., 2009, secs. 7.7 and 7.8 (proposal 2, by iterated
+weights); T. Gneiting, A. Raftery, "Strictly proper scoring rules, prediction, and estimation", JASA 102, 2007, eq. 21;
+L. Breiman et al., "Classification and Regression Trees", 1984, sec. 3.4.3 (the rule of one standard error).
 """
 
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -17,7 +19,7 @@ from scipy.stats import norm
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Indices, Mask, Motion, Sensor
 from cooploc.estimators.models import NEAR, Displacement, LogDistance, Range, Sighting, Unicycle, wrap
-from cooploc.scenarios.recordings.sampling import Gaps, Grid, bearing, grid_of_lines, odometry, poses
+from cooploc.scenarios.recordings.sampling import Gaps, Grid, bearing, ends, grid_of_lines, odometry, poses
 from cooploc.scenarios.recordings.team_log import Channel, TeamLog, fixed_places, other_names
 
 # ---- Huber's least squares, which one bad recording cannot turn
@@ -49,9 +51,63 @@ def huber(X: Array, y: Array) -> tuple[Array, float]:
     return beta, sigma
 
 
+# ---- What is fitted on, and how
+
+SENSOR: Mapping[Channel, str] = {"range": "radio_range", "rssi": "radio_rssi"}  # other channels have the same name
+LONG = 10_000  # [ticks]
+MOST_CORRELATED = 0.99
+
+
+class FitPart(NamedTuple):
+    """A part of a recording on which models may be fitted."""
+
+    log: TeamLog
+    begin: float  # [s]
+    end: float  # [s]
+    lines: bool = False  # whether the ticks are the lines of its one robot
+
+
+class Memory(NamedTuple):
+    """Correlation in time of the residuals of a link, with at most one reading in a tick."""
+
+    lag1: float = 0.0  # correlation of a reading with the one before it
+    burst: float = 1.0  # how many follow each other without a longer pause, on average over readings
+
+
+class FitSettings(NamedTuple):
+    """Settings of the fit."""
+
+    tick: float  # [s]
+    gaps: Gaps
+    stated: Mapping[str, float | None]  # by the names of `schema.Model`; None: to be fitted
+    bias: Literal["fitted", "none"]
+    robust: bool
+    inflate: bool  # sigma of readings, for their correlation in time
+
+    def sigma(self, name: str, fitted: float, memory: Memory) -> float:
+        """Return the stated sigma of readings, or the fitted one, inflated if that is asked for."""
+        return self.stated[name] or fitted * (inflation(memory) if self.inflate else 1.0)
+
+
+def inflation(memory: Memory) -> float:
+    """Factor on sigma: the mean of a burst then has the spread that a filter of independent readings computes.
+
+    The mean of m values of a first-order process has 1 + 2 sum_k (1 - k/m) r^k times the variance of independent ones,
+    k = 1 ... m - 1; (1 + r)/(1 - r) for long bursts.
+    """
+    r = min(max(memory.lag1, 0.0), MOST_CORRELATED)
+    m = max(memory.burst, 1.0)
+    if np.isinf(m):
+        return float(np.sqrt((1 + r) / (1 - r)))
+    k = np.arange(1, min(int(np.ceil(m)), LONG))
+    return float(np.sqrt(1 + 2 * ((1 - k / m) * r**k).sum()))
+
+
 # ---- Odometry
 
+WINDOW = 1.0  # [s] odometry is compared with truth over this long: errors of stamps cancel, those of wheels add up
 MOVING = 0.03  # [m] in a tick; a shorter step does not show the direction
+ENOUGH = 30  # readings of a pair, or windows of a robot; with fewer it gets what is fitted on all
 
 
 class Track(NamedTuple):
@@ -68,33 +124,31 @@ class Track(NamedTuple):
         return np.diff(self.time)
 
 
+def tracks_of(parts: Sequence[FitPart], robot: str, how: FitSettings) -> list[Track]:
+    """Return a robot's odometry and truth over windows; those in which it moved may be fitted on."""
+    window, tracks = max(WINDOW, how.tick), []
+    for log, begin, end, lines in parts:
+        if robot not in log.robots or end - begin < 2 * window:
+            continue
+        i = log.robots.index(robot)
+        grid = grid_of_lines(log, begin, end) if lines else Grid(begin, window, int((end - begin) / window))
+        u = odometry(log.odometry_kind, log.odometry[i], grid, how.gaps.hold)
+        truth = poses(log.truth[i], grid.edges, how.gaps.truth)
+        if lines:
+            tracks.append(Track(grid.edges, u, grid.dt <= how.gaps.hold, truth))
+            continue
+        if log.odometry_kind == "displacement":
+            moved = np.hypot(u[:, 0], u[:, 1]) > MOVING
+        else:
+            turn = u[:, 1] * window
+            moved = (np.abs(u[:, 0] * window) > MOVING) | (np.abs(turn) > MOVING)
+            u[:, 0] *= np.sinc(turn / 2 / np.pi)  # the chord of an arc, as the truth shows it
+        moved |= np.hypot(*np.diff(truth[:, :2], axis=0).T) > MOVING
+        tracks.append(Track(grid.edges - grid.t0, u, moved, truth))
+    return tracks
+
+
 Pairs = tuple[Array, Array, Array]  # (m,) each: by odometry, true, interval [s]
-
-
-def fit_wheel_odometry(
-    tracks: Sequence[Track], tick: float, scales: Sequence[float | None], robust: bool
-) -> tuple[list[float], list[float]]:
-    """Fit the scales of (v, omega) where they are not given (1 without data), and their sigmas at `tick` [s]."""
-    fits = [
-        fit_proportional([pairs(track) for track in tracks], scale, robust)
-        for pairs, scale in zip((_arcs, _turns), scales, strict=True)
-    ]
-    return [scale for scale, _ in fits], [sigma / tick**0.5 for _, sigma in fits]
-
-
-def fit_proportional(parts: Sequence[Pairs], scale: float | None, robust: bool) -> tuple[float, float]:
-    """Fit y = scale x + noise of variance sigma^2 dt, by weighted (robust) least squares: scale and sigma."""
-    x, y, dt = (np.concatenate([np.empty(0), *(part[i] for part in parts)]) for i in range(3))
-    if robust and len(x) > 1:
-        free = scale is None and bool(x.any())
-        known = 0.0 if free else 1.0 if scale is None else scale
-        beta, _ = huber((x / np.sqrt(dt))[:, None][:, : int(free)], (y - known * x) / np.sqrt(dt))
-        robust_scale = float(beta[0]) if free else known
-        squares = [((b - robust_scale * a) ** 2 / t).mean() for a, b, t in parts if len(a)]
-        return robust_scale, float(np.sqrt(np.median(squares)))
-    if scale is None:
-        scale = float((x * y / dt).sum() / (x**2 / dt).sum()) if x.any() else 1.0
-    return scale, float(np.sqrt(((y - scale * x) ** 2 / dt).mean())) if len(x) else np.nan
 
 
 def _arcs(track: Track) -> Pairs:
@@ -132,42 +186,66 @@ def _displacements(track: Track) -> Pairs:
     return track.odometry[good], step[good], dt[good]
 
 
-# ---- Path loss
-
-Stated = Mapping[str, float | None]  # values by name; None: to be fitted
+PAIRS = {"displacement": _displacements, "length": _arcs, "turn": _turns}
 
 
-def fit_log_distance(
-    L: Array, z: Array, A: float | None, eta: float | None, robust: bool
-) -> tuple[Array, Array, float]:
-    """Fit z = A + eta L, L = -10 log10 d: (A [dBm], eta), the residuals (m,), and their core's sigma if `robust`."""
-    c = np.array([np.nan if value is None else value for value in (A, eta)])
-    free = np.isnan(c)
-    X = np.stack([np.ones(len(z)), L], -1)
-    rest = z - X[:, ~free] @ c[~free]
-    c[free], sigma = huber(X[:, free], rest) if robust else (np.linalg.lstsq(X[:, free], rest)[0], np.nan)
-    return c, z - X @ c, sigma
+def fit_proportional(parts: Sequence[Pairs], scale: float | None, robust: bool) -> tuple[float, float]:
+    """Fit y = scale x + noise of variance sigma^2 dt, by weighted (robust) least squares: scale and sigma.
+
+    A scale that is given is not fitted; without data it is 1.
+    """
+    x, y, dt = (np.concatenate([np.empty(0), *(part[i] for part in parts)]) for i in range(3))
+    if robust and len(x) > 1:
+        free = scale is None and bool(x.any())
+        known = 0.0 if free else 1.0 if scale is None else scale
+        beta, _ = huber((x / np.sqrt(dt))[:, None][:, : int(free)], (y - known * x) / np.sqrt(dt))
+        robust_scale = float(beta[0]) if free else known
+        squares = [((b - robust_scale * a) ** 2 / t).mean() for a, b, t in parts if len(a)]
+        return robust_scale, float(np.sqrt(np.median(squares)))
+    if scale is None:
+        scale = float((x * y / dt).sum() / (x**2 / dt).sum()) if x.any() else 1.0
+    return scale, float(np.sqrt(((y - scale * x) ** 2 / dt).mean())) if len(x) else np.nan
 
 
-def log_distance(distance: Array) -> Array:
-    """Return -10 log10 d of distances [m], which are at least `NEAR`."""
-    return np.asarray(-10 * np.log10(np.maximum(distance, NEAR)))
+def fit_odometry(parts: Sequence[FitPart], log: TeamLog, how: FitSettings) -> tuple[Array, list[float]]:
+    """Fit scales of length and turn (n, 2), and sigmas at the tick of v [m/s] and omega [rad/s], or of dx, dy [m].
+
+    Scales are of each robot where they are not given; a robot with few windows gets those fitted on all.
+    """
+    displaced, n = log.odometry_kind == "displacement", len(log.robots)
+    stated = [how.stated["length_scale"], how.stated["turn_scale"]]
+    tracks = [tracks_of(parts, robot, how) for robot in log.robots]
+    every = [track for mine in tracks for track in mine]
+
+    def fit(some: Sequence[Track], scales: Sequence[float | None]) -> tuple[list[float], list[float]]:
+        pairs = (PAIRS["displacement"],) if displaced else (PAIRS["length"], PAIRS["turn"])
+        fits = [
+            fit_proportional([of(track) for track in some], scale, how.robust)
+            for of, scale in zip(pairs, scales, strict=True)
+        ]
+        root = how.tick**0.5
+        return [scale for scale, _ in fits], [sigma * root if displaced else sigma / root for _, sigma in fits]
+
+    if displaced:
+        scale = stated[0] or 1.0
+        return np.full((n, 2), scale), fit(every, [scale])[1]
+    common, sigmas = fit(every, stated)
+    if n == 1:
+        return np.array([common]), sigmas
+    scales, scaled = [], []
+    for mine in tracks:
+        enough = sum(int(track.known.sum()) for track in mine) >= ENOUGH
+        scales.append(fit(mine, stated)[0] if enough else common)
+        scaled += [track._replace(odometry=track.odometry * np.array(scales[-1])) for track in mine]
+    return np.array(scales), fit(scaled, (1.0, 1.0))[1]
 
 
-# ---- Residuals of the readings of a team, and of its odometry, in parts of recordings that are not judged
+# ---- Readings, less what is true
 
-WINDOW = 1.0  # [s] odometry is compared with truth over this long: errors of stamps cancel, those of wheels add up
 IN_A_ROW = 2.0  # [s] readings of a link no further apart belong to one burst
 BETWEEN = 10_000  # [ticks] between parts
-
-
-class FitPart(NamedTuple):
-    """A part of a recording on which models may be fitted."""
-
-    log: TeamLog
-    begin: float  # [s]
-    end: float  # [s]
-    lines: bool = False  # whether the ticks are the lines of its one robot
+LEAST = 1e-3  # [m] or [rad]: no sensor is taken to be better
+FAR = 3.0  # [sigma]
 
 
 class Residuals(NamedTuple):
@@ -180,85 +258,65 @@ class Residuals(NamedTuple):
     apart: int = 1  # [ticks] readings of a link that are no further apart follow each other
 
 
-def residuals(parts: Sequence[FitPart], channel: Channel, robots: Sequence[str], tick: float, gaps: Gaps) -> Residuals:
+def residuals(parts: Sequence[FitPart], channel: Channel, robots: Sequence[str], how: FitSettings) -> Residuals:
     """Return the readings by robots of the team, with true distances at their stamps."""
-    found, first, apart = [], 0, max(1, round(IN_A_ROW / tick))
-    for part in parts:
-        if channel in part.log.readings:
-            one = _residuals_of_part(part, channel, robots, tick, gaps)
-            found.append(one._replace(tick=one.tick + first))
-            first += int(one.tick.max(initial=0)) + BETWEEN
-    if not found:
-        return Residuals(np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0), np.empty((0, 2)), apart)
-    link, ticks, distance, z = (np.concatenate([r[i] for r in found]) for i in range(4))
-    return Residuals(link, ticks, distance, z, apart)
+    found, first = [(np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0), np.empty((0, 2)))], 0
+    for log, begin, end, _ in parts:
+        if channel not in log.readings:
+            continue
+        readings, fixed = log.readings[channel], fixed_places(log, channel)
+        mine, theirs = ends(log, channel, how.gaps.truth)
+        z = readings.values.copy()
+        if channel in ("landmark", "sighting"):
+            z[:, 1] = wrap(z[:, 1] - bearing(mine, theirs))
+        distance = np.hypot(*(mine[:, :2] - theirs).T)
+        numbers = np.array([robots.index(name) if name in robots else -1 for name in log.robots])
+        robot, other = numbers[readings.robot], readings.other if fixed else numbers[readings.other]
+        used = (readings.time >= begin) & (readings.time <= end) & np.isfinite(distance) & (robot >= 0) & (other >= 0)
+        if channel == "range":
+            robot, other = np.minimum(robot, other), np.maximum(robot, other)
+        link = robot * max(len(robots), len(fixed.names) if fixed else 0) + other
+        ticks = np.floor((readings.time[used] - begin) / how.tick).astype(np.int64)
+        found.append((link[used].astype(np.int64), ticks + first, distance[used], z[used]))
+        first += int(ticks.max(initial=0)) + BETWEEN
+    link, ticks, distance, z = (np.concatenate([one[i] for one in found[1:] or found]) for i in range(4))
+    return Residuals(link, ticks, distance, z, max(1, round(IN_A_ROW / how.tick)))
 
 
-def _residuals_of_part(part: FitPart, channel: Channel, robots: Sequence[str], tick: float, gaps: Gaps) -> Residuals:
-    log, readings = part.log, part.log.readings[channel]
-    at, fixed = readings.time, fixed_places(log, channel)
-    mine, theirs = np.full((len(at), 3), np.nan), np.full((len(at), 2), np.nan)
-    for i, series in enumerate(log.truth):
-        mine[readings.robot == i] = poses(series, at[readings.robot == i], gaps.truth)
-        if fixed is None:
-            theirs[readings.other == i] = poses(series, at[readings.other == i], gaps.truth)[:, :2]
-    if fixed is not None:
-        theirs = fixed.positions[readings.other]
-    z = readings.values.copy()
-    if channel in ("landmark", "sighting"):
-        z[:, 1] = wrap(z[:, 1] - bearing(mine, theirs))
-    distance = np.hypot(*(mine[:, :2] - theirs).T)
-    numbers = np.array([robots.index(name) if name in robots else -1 for name in log.robots])
-    robot, other = numbers[readings.robot], readings.other if fixed else numbers[readings.other]
-    used = (at >= part.begin) & (at <= part.end) & np.isfinite(distance) & (robot >= 0) & (other >= 0)
-    if channel == "range":
-        robot, other = np.minimum(robot, other), np.maximum(robot, other)
-    link = robot * max(len(robots), len(fixed.names) if fixed else 0) + other
-    ticks = np.floor((at[used] - part.begin) / tick).astype(np.int64)
-    return Residuals(link[used].astype(np.int64), ticks, distance[used], z[used])
+def memory(r: Residuals, e: Array) -> Memory:
+    """Return the memory of residuals (m,), the last of a tick counting."""
+    order = np.lexsort((r.tick, r.link))
+    key = np.stack([r.link, r.tick], -1)[order]
+    last = np.append((np.diff(key, axis=0) != 0).any(-1), True)[: len(key)]
+    key, e = key[last], e[order][last]
+    follows = (np.diff(key[:, 0]) == 0) & (np.diff(key[:, 1]) <= r.apart)
+    lengths = np.diff(np.flatnonzero(np.concatenate([[True], ~follows, [True]])))
+    burst = float((lengths**2).sum() / max(lengths.sum(), 1))
+    return Memory(_correlation(e[:-1][follows], e[1:][follows]), burst)
 
 
-def tracks_of(parts: Sequence[FitPart], robot: str, tick: float, gaps: Gaps) -> list[Track]:
-    """Return a robot's odometry and truth over windows; those in which it moved may be fitted on."""
-    window = max(WINDOW, tick)
-    there = [p for p in parts if robot in p.log.robots and p.end - p.begin >= 2 * window]
-    return [_track(part, part.log.robots.index(robot), window, gaps) for part in there]
+def _correlation(a: Array, b: Array) -> float:
+    """Return the correlation of values (m,) whose mean is zero; 0 where they vanish."""
+    power = float(np.sqrt((a**2).sum() * (b**2).sum()))
+    return float((a * b).sum()) / power if power else 0.0
 
 
-def _track(part: FitPart, robot: int, window: float, gaps: Gaps) -> Track:
-    log = part.log
-    if part.lines:
-        grid = grid_of_lines(log, part.begin, part.end)
-    else:
-        grid = Grid(part.begin, window, int((part.end - part.begin) / window))
-    u = odometry(log.odometry_kind, log.odometry[robot], grid, gaps.hold)
-    truth = poses(log.truth[robot], grid.edges, gaps.truth)
-    if part.lines:
-        return Track(grid.edges, u, grid.dt <= gaps.hold, truth)
-    if log.odometry_kind == "displacement":
-        moved = np.hypot(u[:, 0], u[:, 1]) > MOVING
-    else:
-        turn = u[:, 1] * window
-        moved = (np.abs(u[:, 0] * window) > MOVING) | (np.abs(turn) > MOVING)
-        u[:, 0] *= np.sinc(turn / 2 / np.pi)  # the chord of an arc, as the truth shows it
-    moved |= np.hypot(*np.diff(truth[:, :2], axis=0).T) > MOVING
-    return Track(grid.edges - grid.t0, u, moved, truth)
+def _mean(e: Array, robust: bool) -> float:
+    X = np.ones((len(e), 1))
+    return float((huber(X, e)[0] if robust else np.linalg.lstsq(X, e)[0])[0])
 
 
-# ---- Fits of a team's sensors and odometry
-
-ENOUGH = 30  # readings of a pair, or windows of a robot; with fewer it gets what is fitted on all
-LEAST = 1e-3  # [m] or [rad]: no sensor is taken to be better
-MOST_CORRELATED = 0.99
-FAR = 3.0  # [sigma]
-LONG = 10_000  # [ticks]
+def _sigma(e: Array, robust: bool) -> float:
+    """Return the standard deviation about zero; with `robust`, of the Gaussian core."""
+    return huber(np.empty((len(e), 0)), e)[1] if robust else float(np.sqrt((e**2).mean()))
 
 
-class Memory(NamedTuple):
-    """Correlation in time of the residuals of a link, with at most one reading in a tick."""
+def _clip(e: Array, sigma: float, robust: bool) -> Array:
+    """Return residuals; with `robust`, within `FAR` sigma: a sensor that fails for a second shows no correlation."""
+    return np.clip(e, -FAR * sigma, FAR * sigma) if robust else e
 
-    lag1: float = 0.0  # correlation of a reading with the one before it
-    burst: float = 1.0  # how many follow each other without a longer pause, on average over readings
+
+# ---- Sensors
 
 
 def fit_range(r: Residuals, bias: float | None, robust: bool) -> tuple[dict[int, float], float, float, Memory]:
@@ -277,129 +335,61 @@ def fit_range(r: Residuals, bias: float | None, robust: bool) -> tuple[dict[int,
     return by_link, common, max(_sigma(rest, robust), LEAST), memory(r, clipped)
 
 
-def fit_path_loss(r: Residuals, A: float | None, eta: float | None, robust: bool) -> tuple[float, float, float, Memory]:
-    """A [dBm], eta, sigma [dB] and memory of z = A - 10 eta log10 d; nan where readings are too few."""
-    if len(r.z) < 3:
-        return A if A is not None else np.nan, eta if eta is not None else np.nan, np.nan, Memory()
-    c, e, _ = fit_log_distance(log_distance(r.distance), r.z[:, 0], A, eta, robust)
+def log_distance(distance: Array) -> Array:
+    """Return -10 log10 d of distances [m], which are at least `NEAR`."""
+    return np.asarray(-10 * np.log10(np.maximum(distance, NEAR)))
+
+
+PathLoss = tuple[float, float, float, Memory]  # A [dBm], eta, sigma [dB] and memory; nan where readings are too few
+
+
+def fit_path_loss(r: Residuals, A: float | None, eta: float | None, robust: bool) -> PathLoss:
+    """Fit z = A - 10 eta log10 d."""
+    c, e, _ = _fit_log_distance(log_distance(r.distance), r.z[:, 0], A, eta, robust)
+    if len(e) < 3:
+        return float(c[0]), float(c[1]), np.nan, Memory()
     sigma = max(_sigma(e, robust), LEAST)
     return float(c[0]), float(c[1]), sigma, memory(r, _clip(e, sigma, robust))
 
 
 def fit_path_loss_of_lines(
     parts: Sequence[FitPart], A: float | None, eta: float | None, gap: float, robust: bool
-) -> tuple[float, float, float, Memory]:
-    """Return the same of a lone robot, whose readings of an anchor follow each other from line to line."""
-    logs, readings = [np.empty((0, 0))], [np.empty((0, 0))]
+) -> PathLoss:
+    """Fit the same for a lone robot, whose readings of an anchor follow each other from line to line."""
+    tables = []  # (2, lines, anchors)  -10 log10 d, and readings
     for log, begin, end, _ in parts:
         lines, anchors, r = grid_of_lines(log, begin, end).edges, log.anchors.positions, log.readings["anchor_rssi"]
         z = np.full((len(lines), len(anchors)), np.nan)
         used = np.isin(r.time, lines)
         z[np.searchsorted(lines, r.time[used]), r.other[used]] = r.values[used, 0]
         away = poses(log.truth[0], lines, gap)[:, None, :2] - anchors
-        logs.append(log_distance(np.hypot(away[..., 0], away[..., 1])))
-        readings.append(z)
-    L, z = (np.concatenate([one.ravel() for one in of]) for of in (logs, readings))
+        tables.append(np.stack([log_distance(np.hypot(away[..., 0], away[..., 1])), z]))
+    L, z = np.concatenate([table.reshape(2, -1) for table in tables], axis=1)
     there = np.isfinite(L) & np.isfinite(z)
-    if there.sum() < 3:
-        return A if A is not None else np.nan, eta if eta is not None else np.nan, np.nan, Memory()
-    c, _, core = fit_log_distance(L[there], z[there], A, eta, robust)
-    residuals = [z - (c[0] + c[1] * L) for L, z in zip(logs, readings, strict=True)]
-    square, free = sum(float(np.nansum(e**2)) for e in residuals), (A is None) + (eta is None)
-    sigma = core if robust else np.sqrt(square / max(int(there.sum()) - free, 1))
-    before, after = (np.concatenate([e[s].ravel() for e in residuals]) for s in (np.s_[:-1], np.s_[1:]))
+    c, e, core = _fit_log_distance(L[there], z[there], A, eta, robust)
+    if len(e) < 3:
+        return float(c[0]), float(c[1]), np.nan, Memory()
+    errors, free = [z - (c[0] + c[1] * L) for L, z in tables], (A is None) + (eta is None)
+    square = sum(float(np.nansum(e**2)) for e in errors)
+    sigma = core if robust else float(np.sqrt(square / max(len(e) - free, 1)))
+    before, after = (np.concatenate([e[rows].ravel() for e in errors]) for rows in (np.s_[:-1], np.s_[1:]))
     both = np.isfinite(before) & np.isfinite(after)
-    a, b = before[both], after[both]
-    lag1 = float((a * b).sum() / np.sqrt((a**2).sum() * (b**2).sum())) if both.any() else 0.0
-    return float(c[0]), float(c[1]), float(sigma), Memory(lag1, np.inf)
+    return float(c[0]), float(c[1]), sigma, Memory(_correlation(before[both], after[both]), np.inf)
 
 
-def fit_odometry(
-    parts: Sequence[FitPart], log: TeamLog, stated: Sequence[float | None], how: "FitSettings"
-) -> tuple[Array, list[float]]:
-    """Fit scales of length and turn (n, 2), and sigmas at the tick of v [m/s] and omega [rad/s], or of dx, dy [m].
-
-    Scales are of each robot where they are not given; a robot with few windows gets those fitted on all.
-    """
-    tick, robust, n = how.tick, how.robust, len(log.robots)
-    tracks = [tracks_of(parts, robot, tick, how.gaps) for robot in log.robots]
-    every = [track for mine in tracks for track in mine]
-    if log.odometry_kind == "displacement":
-        scale = stated[0] or 1.0
-        _, sigma = fit_proportional([_displacements(track) for track in every], scale, robust)
-        return np.full((n, 2), scale), [sigma * tick**0.5]
-    common, sigmas = fit_wheel_odometry(every, tick, stated, robust)
-    if n == 1:
-        return np.array([common]), sigmas
-    scales, scaled = [], []
-    for mine in tracks:
-        enough = sum(int(track.known.sum()) for track in mine) >= ENOUGH
-        scales.append(fit_wheel_odometry(mine, tick, stated, robust)[0] if enough else common)
-        scaled += [track._replace(odometry=track.odometry * np.array(scales[-1])) for track in mine]
-    return np.array(scales), fit_wheel_odometry(scaled, tick, (1.0, 1.0), robust)[1]
-
-
-def inflation(memory: Memory) -> float:
-    """Factor on sigma: the mean of a burst then has the spread that a filter of independent readings computes.
-
-    The mean of m values of a first-order process has 1 + 2 sum_k (1 - k/m) r^k times the variance of independent ones,
-    k = 1 ... m - 1; (1 + r)/(1 - r) for long bursts.
-    """
-    r = min(max(memory.lag1, 0.0), MOST_CORRELATED)
-    m = max(memory.burst, 1.0)
-    if np.isinf(m):
-        return float(np.sqrt((1 + r) / (1 - r)))
-    k = np.arange(1, min(int(np.ceil(m)), LONG))
-    return float(np.sqrt(1 + 2 * ((1 - k / m) * r**k).sum()))
-
-
-def memory(r: Residuals, e: Array) -> Memory:
-    """Return the memory of residuals (m,), the last of a tick counting."""
-    order = np.lexsort((r.tick, r.link))
-    key = np.stack([r.link, r.tick], -1)[order]
-    last = np.append((np.diff(key, axis=0) != 0).any(-1), True)[: len(key)]
-    key, e = key[last], e[order][last]
-    follows = (np.diff(key[:, 0]) == 0) & (np.diff(key[:, 1]) <= r.apart)
-    a, b = e[:-1][follows], e[1:][follows]
-    power = float(np.sqrt((a**2).sum() * (b**2).sum()))
-    lengths = np.diff(np.flatnonzero(np.concatenate([[True], ~follows, [True]])))
-    burst = float((lengths**2).sum() / max(lengths.sum(), 1))
-    return Memory(float((a * b).sum()) / power if power else 0.0, burst)
-
-
-def _mean(e: Array, robust: bool) -> float:
-    X = np.ones((len(e), 1))
-    return float((huber(X, e)[0] if robust else np.linalg.lstsq(X, e)[0])[0])
-
-
-def _sigma(e: Array, robust: bool) -> float:
-    """Return the standard deviation about zero; with `robust`, of the Gaussian core."""
-    return huber(np.empty((len(e), 0)), e)[1] if robust else float(np.sqrt((e**2).mean()))
-
-
-def _clip(e: Array, sigma: float, robust: bool) -> Array:
-    """Return residuals; with `robust`, within `FAR` sigma: a sensor that fails for a second shows no correlation."""
-    return np.clip(e, -FAR * sigma, FAR * sigma) if robust else e
+def _fit_log_distance(
+    L: Array, z: Array, A: float | None, eta: float | None, robust: bool
+) -> tuple[Array, Array, float]:
+    """Fit z = A + eta L, L = -10 log10 d: (A [dBm], eta), the residuals (m,), and their core's sigma if `robust`."""
+    c, sigma = np.array([np.nan if value is None else value for value in (A, eta)]), np.nan
+    free, X = np.isnan(c), np.stack([np.ones(len(z)), L], -1)
+    if len(z) >= 3:
+        rest = z - X[:, ~free] @ c[~free]
+        c[free], sigma = huber(X[:, free], rest) if robust else (np.linalg.lstsq(X[:, free], rest)[0], np.nan)
+    return c, z - X @ c, sigma
 
 
 # ---- The models of a team's run, stated or fitted
-
-SENSOR: Mapping[Channel, str] = {"range": "radio_range", "rssi": "radio_rssi"}  # other channels have the same name
-
-
-class FitSettings(NamedTuple):
-    """Settings of the fit."""
-
-    tick: float  # [s]
-    gaps: Gaps
-    stated: Stated  # by the names of `schema.Model`
-    bias: Literal["fitted", "none"]
-    robust: bool
-    inflate: bool  # sigma of readings, for their correlation in time
-
-    def sigma(self, name: str, fitted: float, memory: Memory) -> float:
-        """Return the stated sigma of readings, or the fitted one, inflated if that is asked for."""
-        return self.stated[name] or fitted * (inflation(memory) if self.inflate else 1.0)
 
 
 class TeamModels(NamedTuple):
@@ -414,44 +404,44 @@ class TeamModels(NamedTuple):
 
 def team_models(log: TeamLog, parts: Sequence[FitPart], how: FitSettings) -> TeamModels:
     """Return the models of a run, fitted on parts of recordings that are not judged."""
-    names = _names_of(parts, log)
-    scales, fitted_sigmas = fit_odometry(parts, log, [how.stated[f"{of}_scale"] for of in ("length", "turn")], how)
+    others = ", ".join(part.log.name for part in parts)
+    names = f"the other runs {others}" if parts else "no other run"
+    if others == log.name:
+        names = f"its first {parts[0].end - parts[0].begin:g} s, which are not judged"
+    scales, fitted_sigmas = fit_odometry(parts, log, how)
     displaced = log.odometry_kind == "displacement"
     parameters = ("sigma_move",) if displaced else ("sigma_v", "sigma_omega")
     sigmas = [how.stated[name] or sigma for name, sigma in zip(parameters, fitted_sigmas, strict=True)]
     motion: Motion = Displacement(sigmas[0], how.tick) if displaced else Unicycle(sigmas[0], sigmas[1], how.tick)
     by_robot = {robot: scales[i].tolist() for i, robot in enumerate(log.robots)}
     notes: dict[str, Any] = {"odometry_scales": by_robot} | dict(zip(parameters, sigmas, strict=True))
-    sensors: dict[str, Sensor] = {}
-    bias: dict[Channel, Array] = {}
+    models = TeamModels(motion, {}, scales, {}, {"fitted_on": names} | notes)
     for channel in log.readings:
-        found = residuals(parts, channel, log.robots, how.tick, how.gaps)
-        prefix = "anchor_" if channel.startswith("anchor") else ""
-        name = SENSOR.get(channel, channel)
+        found, model = residuals(parts, channel, log.robots, how), SENSOR.get(channel, channel)
         if channel in ("range", "anchor_range"):
-            sensors[name], bias[channel], fitted = _range_model(log, channel, found, how, prefix)
+            models.sensors[model], models.bias[channel], fitted = _range_model(log, channel, found, how)
         elif channel in ("sighting", "landmark"):
-            sensors[name], fitted = _sighting_model(channel, found, how)
+            models.sensors[model], fitted = _sighting_model(channel, found, how)
         else:
-            sensors[name], fitted = _rssi_model(log, parts, found, how, prefix)
-        notes |= fitted
-    lacking = [name for name, value in notes.items() if isinstance(value, float) and not np.isfinite(value)]
-    lacking += [n for n, v in notes.items() if n.endswith("_bias") and not np.isfinite(list(v.values())).all()]
+            models.sensors[model], fitted = _rssi_model(log, channel, parts, found, how)
+        models.notes.update(fitted)
+    lacking = [name for name, value in models.notes.items() if isinstance(value, float) and not np.isfinite(value)]
+    lacking += [n for n, v in models.notes.items() if n.endswith("_bias") and not np.isfinite(list(v.values())).all()]
     if lacking:
         raise BadInput(
             f"run {log.name!r} is fitted on {names}, too little for {', '.join(lacking)}: state them in [model] of "
             'log.toml, or [fit] on = "first part" with seconds = ...'
         )
-    return TeamModels(motion, sensors, scales, bias, {"fitted_on": names, **notes})
+    return models
 
 
 def _range_model(
-    log: TeamLog, channel: Channel, found: Residuals, how: FitSettings, prefix: str
+    log: TeamLog, channel: Channel, found: Residuals, how: FitSettings
 ) -> tuple[Range, Array, dict[str, Any]]:
     """Sensor, bias (n, others) [m] and notes; of raw ranges sigma is about zero, so that it contains the bias."""
-    stated = 0.0 if how.bias == "none" else how.stated[f"{prefix}range_bias"]
+    stated = 0.0 if how.bias == "none" else how.stated[f"{channel}_bias"]
     by_link, common, fitted, memory = fit_range(found, stated, how.robust)
-    sigma = how.sigma(f"{prefix}range_sigma", fitted, memory)
+    sigma = how.sigma(f"{channel}_sigma", fitted, memory)
     mutual, n, others = channel == "range", len(log.robots), other_names(log, channel)
     table = np.full((n, len(others)), common)
     for link, bias in by_link.items():
@@ -462,10 +452,10 @@ def _range_model(
     measured = zip(log.readings[channel].robot.tolist(), log.readings[channel].other.tolist(), strict=True)
     pairs = sorted({(min(pair), max(pair)) if mutual else pair for pair in measured})
     notes = {
-        f"{prefix}range_sigma": sigma,
-        f"{prefix}range_bias": {f"{log.robots[i]} - {others[j]}": float(table[i, j]) for i, j in pairs},
-        f"{prefix}range_lag1": memory.lag1,
-        f"{prefix}range_fitted_on": len(found.z),
+        f"{channel}_sigma": sigma,
+        f"{channel}_bias": {f"{log.robots[i]} - {others[j]}": float(table[i, j]) for i, j in pairs},
+        f"{channel}_lag1": memory.lag1,
+        f"{channel}_fitted_on": len(found.z),
     }
     return Range(sigma), table, notes
 
@@ -485,8 +475,9 @@ def _sighting_model(channel: Channel, found: Residuals, how: FitSettings) -> tup
 
 
 def _rssi_model(
-    log: TeamLog, parts: Sequence[FitPart], found: Residuals, how: FitSettings, prefix: str
+    log: TeamLog, channel: Channel, parts: Sequence[FitPart], found: Residuals, how: FitSettings
 ) -> tuple[LogDistance, dict[str, Any]]:
+    prefix = channel.removesuffix("rssi")
     stated = how.stated[f"{prefix}A"], how.stated[f"{prefix}eta"]
     if parts and parts[0].lines:
         A, eta, fitted, memory = fit_path_loss_of_lines(parts, *stated, how.gaps.truth, how.robust)
@@ -497,16 +488,9 @@ def _rssi_model(
             f"run {log.name!r}: {prefix}RSSI does not fall with distance in what it is fitted on (eta = {eta:.3g}); "
             f"check the names and places in log.toml, or state {prefix}eta in [model]"
         )
-    sigma = how.sigma(f"{prefix}rssi_sigma", fitted, memory)
-    notes = {f"{prefix}A": A, f"{prefix}eta": eta, f"{prefix}rssi_sigma": sigma, f"{prefix}rssi_lag1": memory.lag1}
+    sigma = how.sigma(f"{channel}_sigma", fitted, memory)
+    notes = {f"{prefix}A": A, f"{prefix}eta": eta, f"{channel}_sigma": sigma, f"{channel}_lag1": memory.lag1}
     return LogDistance(A, eta, sigma), notes
-
-
-def _names_of(parts: Sequence[FitPart], log: TeamLog) -> str:
-    names = [part.log.name for part in parts]
-    if names == [log.name]:
-        return f"its first {parts[0].end - parts[0].begin:g} s, which are not judged"
-    return f"the other runs {', '.join(names)}" if names else "no other run"
 
 
 # ---- Residuals of a run after its models, where these were fitted and where they are judged
@@ -529,36 +513,20 @@ def link_residuals(
 ) -> Iterator[LinkResiduals]:
     """Yield residuals by channel, part and link; sightings as range and as bearing."""
     for channel in log.readings:
-        others = other_names(log, channel)
+        others, sensor = other_names(log, channel), models.sensors[SENSOR.get(channel, channel)]
         for fitted, of in ((True, parts), (False, [judged])):
-            r = residuals(of, channel, log.robots, how.tick, how.gaps)
-            for quantity, unit, e, sigma in _errors(channel, r, models):
+            r = residuals(of, channel, log.robots, how)
+            for what, unit, e, sigma in _errors(channel.replace("_", " "), r, sensor):
                 for link in np.unique(r.link):
                     mine = (r.link == link) & np.isfinite(e)
                     i, j = divmod(int(link), max(len(log.robots), len(others)))
                     bias = models.bias[channel][i, j] if channel in models.bias else 0.0
                     name = f"{log.robots[i]} - {others[j]}"
-                    yield LinkResiduals(quantity, unit, name, fitted, r.distance[mine], e[mine] - bias, sigma)
+                    yield LinkResiduals(what, unit, name, fitted, r.distance[mine], e[mine] - bias, sigma)
 
 
-def odometry_residuals(
-    log: TeamLog, part: FitPart, models: TeamModels, how: FitSettings
-) -> Iterator[tuple[str, Array, float]]:
-    """Yield quantity, residuals (m,) over the square root of their interval, and sigma, robot by robot."""
-    motion, of = models.motion, {"displacement": _displacements, "length": _arcs, "turn": _turns}
-    sigmas = {"displacement": motion.sigma} if isinstance(motion, Displacement) else {}
-    if isinstance(motion, Unicycle):
-        sigmas = {"length": motion.sigma_v * how.tick, "turn": motion.sigma_omega * how.tick}
-    for robot, scale in zip(log.robots, models.scales, strict=True):
-        for track in tracks_of([part], robot, how.tick, how.gaps):
-            for what, sigma in sigmas.items():
-                x, y, dt = of[what](track._replace(odometry=track.odometry * scale))
-                yield what, (y - x) / np.sqrt(dt), sigma / how.tick**0.5
-
-
-def _errors(channel: Channel, r: Residuals, models: TeamModels) -> Iterator[tuple[str, str, Array, float]]:
+def _errors(name: str, r: Residuals, sensor: Sensor) -> Iterator[tuple[str, str, Array, float]]:
     """Yield quantity, unit, residuals (m,) before any bias, and sigma."""
-    name, sensor = channel.replace("_", " "), models.sensors[SENSOR.get(channel, channel)]
     too_long = r.z[:, 0] - r.distance
     if isinstance(sensor, Range):
         yield name, "m", too_long, sensor.sigma
@@ -568,3 +536,72 @@ def _errors(channel: Channel, r: Residuals, models: TeamModels) -> Iterator[tupl
     elif isinstance(sensor, Sighting):
         yield f"{name} range", "m", too_long, sensor.sigma_range
         yield f"{name} bearing", "rad", r.z[:, 1], sensor.sigma_bearing
+
+
+# ---- Choice between least squares and Huber's fit, by what each predicts of a part that it was not fitted on
+
+PIECES = 5  # of a single part
+
+
+def choose_fit(log: TeamLog, parts: Sequence[FitPart], how: FitSettings) -> tuple[FitSettings, str]:
+    """Return the settings with `robust` as chosen, and a sentence that says why, with both scores.
+
+    Of several runs each is left out once, of a single part each of five equal pieces. What is left out is scored by the
+    CRPS, a distance between forecast and reading that is proper and grows but linearly with an outlier. Huber's fit is
+    taken unless least squares is better by more than one standard error over the parts, as a tie is noise.
+    """
+    if not parts:
+        return how._replace(robust=True), "nothing is fitted"
+    pieces = list(parts)
+    if len(parts) == 1:
+        edges = np.linspace(parts[0].begin, parts[0].end, PIECES + 1).tolist()
+        pieces = [parts[0]._replace(begin=a, end=b) for a, b in pairwise(edges)]
+    folds = [([*pieces[:i], *pieces[i + 1 :]], out) for i, out in enumerate(pieces)]
+    errors = np.array([[held_out_error(log, *fold, how, robust) for robust in (False, True)] for fold in folds])
+    errors = errors[np.isfinite(errors).all(1)]
+    if len(errors) < 2:
+        return how._replace(robust=True), "fitted robustly (Huber's loss); too little can be left out to compare"
+    robust = is_no_worse(errors)
+    chosen = "robustly (Huber's loss)" if robust else "by least squares"
+    plain, huber = np.exp(np.log(errors).mean(0))
+    tie = " (no more than a standard error worse)" * bool(robust and huber > plain)
+    what = f"{len(errors)} {'pieces' if len(parts) == 1 else 'runs'}, left out in turn"
+    return how._replace(robust=robust), (
+        f"fitted {chosen}: {what}, are predicted with an error (CRPS) of {huber:.3g} by the robust fit{tie}, of "
+        f"{plain:.3g} by least squares"
+    )
+
+
+def is_no_worse(errors: Array) -> bool:
+    """Return whether log errors (folds, 2: least squares, robust) rise by one standard error over folds at most."""
+    worse = np.log(errors[:, 1] / errors[:, 0])
+    return bool(worse.mean() <= worse.std(ddof=1) / np.sqrt(len(worse)))
+
+
+def held_out_error(log: TeamLog, fitted: Sequence[FitPart], out: FitPart, how: FitSettings, robust: bool) -> float:
+    """Return the geometric mean over quantities of the mean CRPS in what is left out; nan where nothing is fitted."""
+    how = how._replace(robust=robust, inflate=False)  # each reading is predicted alone
+    try:
+        models = team_models(log, fitted, how)
+    except BadInput:
+        return np.nan
+    found: dict[str, list[Array]] = {}
+    for one in link_residuals(log, [], out, models, how):
+        found.setdefault(one.what, []).append(crps(one.residual, one.sigma))
+    if isinstance(models.motion, Displacement):
+        sigmas = {"displacement": models.motion.sigma}
+    else:
+        sigmas = {"length": models.motion.sigma_v * how.tick, "turn": models.motion.sigma_omega * how.tick}
+    for robot, scale in zip(log.robots, models.scales, strict=True):
+        for track in tracks_of([out], robot, how):
+            for quantity, sigma in sigmas.items():
+                x, y, dt = PAIRS[quantity](track._replace(odometry=track.odometry * scale))
+                found.setdefault(quantity, []).append(crps((y - x) / np.sqrt(dt), sigma / how.tick**0.5))
+    each = np.array([np.concatenate(scores).mean() for scores in found.values() if sum(map(len, scores))])
+    return float(np.exp(np.log(np.maximum(each, LEAST_SCALE)).mean())) if len(each) else np.nan
+
+
+def crps(e: Array, sigma: float) -> Array:
+    """Return sigma (z (2 Phi(z) - 1) + 2 phi(z) - 1/sqrt(pi)), z = e/sigma, of errors e (m,)."""
+    z = e / max(sigma, LEAST_SCALE)
+    return np.asarray(sigma * (z * (2 * norm.cdf(z) - 1) + 2 * norm.pdf(z) - 1 / np.sqrt(np.pi)))

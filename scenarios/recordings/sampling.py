@@ -19,6 +19,7 @@ from cooploc.scenarios.recordings.team_log import (
     ReadingSeries,
     Series,
     TeamLog,
+    fixed_places,
     other_names,
 )
 from cooploc.scenarios.stream import Air
@@ -115,6 +116,29 @@ def poses(series: Series | None, at: Array, max_gap: float) -> Array:
         nowhere = np.full((len(at), part.shape[1]), np.nan)
         columns.append(interpolate(series.time[there] - t, known, at - t, max_gap) if there.any() else nowhere)
     return wrap_heading(np.concatenate(columns, -1))
+
+
+def poses_at(log: TeamLog, robot: Indices, time: Array, max_gap: float | None = None) -> Array:
+    """Return the true poses (m, 3) of robots (m,), each at its own time [s]; nan where unknown.
+
+    Without `max_gap` [s] they are interpolated across five usual intervals, at least half a second.
+    """
+    found = np.full((len(time), 3), np.nan)
+    for i in np.unique(robot):
+        truth = log.truth[i]
+        if truth is not None and len(truth.time) > 1:
+            gap = max(5 * float(np.median(np.diff(truth.time))), 0.5) if max_gap is None else max_gap
+            found[robot == i] = poses(truth, time[robot == i], gap)
+    return found
+
+
+def ends(log: TeamLog, channel: Channel, max_gap: float | None = None) -> tuple[Array, Array]:
+    """Return the true poses (m, 3) of those who measured, and the places (m, 2) of what they measured."""
+    readings, fixed = log.readings[channel], fixed_places(log, channel)
+    here = poses_at(log, readings.robot, readings.time, max_gap)
+    if fixed is None:
+        return here, poses_at(log, readings.other, readings.time, max_gap)[:, :2]
+    return here, fixed.positions[readings.other]
 
 
 def odometry(kind: OdometryKind, series: Series, grid: Grid, max_hold: float) -> Array:

@@ -29,10 +29,10 @@ from cooploc.scenarios.recordings.fit import (
     FitSettings,
     LinkResiduals,
     TeamModels,
+    choose_fit,
     link_residuals,
     team_models,
 )
-from cooploc.scenarios.recordings.fit_choice import choose_fit
 from cooploc.scenarios.recordings.prior import start_belief
 from cooploc.scenarios.recordings.sampling import Gaps, Grid, grid_of_lines, resample_readings
 from cooploc.scenarios.recordings.schema import NAME, TeamDescription

@@ -24,7 +24,6 @@ from cooploc.scenarios.recordings.inspect.motion import (
     course,
     course_turns,
     distances,
-    ends,
     known_truth,
     moves,
     pairs,
@@ -35,6 +34,7 @@ from cooploc.scenarios.recordings.inspect.motion import (
     robust_slope,
     true_turns,
 )
+from cooploc.scenarios.recordings.sampling import ends
 from cooploc.scenarios.recordings.team_log import ReadingSeries, Series, TeamLog, other_names
 
 Values = TypeVar("Values", Series, ReadingSeries)
@@ -524,7 +524,7 @@ BIAS_KEYS = {"range": "range_bias", "anchor_range": "anchor_range_bias"}
 def check_range_units(c: CheckedLog) -> None:
     """Find ranges that are 100 or 1000 times the distance; within a factor of 2.5, as frames may still be wrong."""
     for channel, readings in range_channels(c.log):
-        ratio = quantile(readings.values[:, 0] / distances(c.log, channel, readings), 0.5)
+        ratio = quantile(readings.values[:, 0] / distances(c.log, channel), 0.5)
         if unit := unit_of_ratio(ratio, LENGTH_UNITS, 2.5):
             fact, setting = f"ranges are {ratio:.3g} times the distances", f'unit = "{unit[1]}"'
             c.add("unit", None, readings.source, fact, "sure", setting, TABLES[channel], ("range",))
@@ -534,7 +534,7 @@ def check_range_units(c: CheckedLog) -> None:
 def check_biases(c: CheckedLog) -> None:
     """Find ranges of a pair that are too long or too short by a constant."""
     for channel, readings in range_channels(c.log):
-        residual = readings.values[:, 0] - distances(c.log, channel, readings)
+        residual = readings.values[:, 0] - distances(c.log, channel)
         found = {}
         for i, k, rows in pairs(readings, channel):
             bias, error = quantile(residual[rows], 0.5), 1.2533 * robust_sd(residual[rows]) / np.sqrt(len(rows))
@@ -556,7 +556,7 @@ def check_bearings(c: CheckedLog) -> None:
     for channel, readings in range_channels(c.log):
         if TABLES[channel] != "sightings":
             continue
-        here, there = ends(c.log, channel, readings)
+        here, there = ends(c.log, channel)
         x, y = (there - here[:, :2]).T
         expected = wrap(np.arctan2(y, x) - here[:, 2])
         if np.isfinite(expected).sum() < FEWEST:

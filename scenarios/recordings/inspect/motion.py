@@ -14,7 +14,7 @@ from scipy.stats import median_abs_deviation
 from cooploc.estimators.interface import Array, Indices
 from cooploc.estimators.models import wrap
 from cooploc.scenarios.recordings import sampling
-from cooploc.scenarios.recordings.team_log import Channel, ReadingSeries, Series, TeamLog, fixed_places
+from cooploc.scenarios.recordings.team_log import Channel, ReadingSeries, Series, TeamLog
 
 MOST_WINDOWS = 3000  # of one robot; longer recordings have longer windows
 FEWEST_POSITIONS = 10  # of a truth that is used
@@ -211,30 +211,11 @@ FEWEST = 20  # readings of a channel or pair
 NEAREST = 0.05  # [m] readings of things nearer than this are left out: no direction, and a ratio means nothing
 
 
-def distances(log: TeamLog, channel: Channel, readings: ReadingSeries) -> Array:
+def distances(log: TeamLog, channel: Channel) -> Array:
     """Return the true distance (m,) [m] to what was measured; nan where it is not known."""
-    here, there = ends(log, channel, readings)
+    here, there = sampling.ends(log, channel)
     distance = np.hypot(*(there - here[:, :2]).T)
     return np.where(distance > NEAREST, distance, np.nan)
-
-
-def ends(log: TeamLog, channel: Channel, readings: ReadingSeries) -> tuple[Array, Array]:
-    """Return the true poses (m, 3) of those who measured, and the places (m, 2) of what they measured."""
-    here, fixed = true_poses(log, readings.robot, readings.time), fixed_places(log, channel)
-    if fixed is None:
-        return here, true_poses(log, readings.other, readings.time)[:, :2]
-    return here, fixed.positions[readings.other]
-
-
-def true_poses(log: TeamLog, robot: Indices, time: Array) -> Array:
-    """Return the true poses (m, 3) of several robots, each at its own stamps: interpolated, nan in gaps."""
-    poses = np.full((len(time), 3), np.nan)
-    for i in np.unique(robot):
-        truth = log.truth[i]
-        if truth is not None and len(truth.time) > 1:
-            max_gap = max(5 * float(np.median(np.diff(truth.time))), 0.5)
-            poses[robot == i] = sampling.poses(truth, time[robot == i], max_gap)
-    return poses
 
 
 def range_channels(log: TeamLog) -> Iterator[tuple[Channel, ReadingSeries]]:

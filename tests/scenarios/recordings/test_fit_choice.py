@@ -7,7 +7,7 @@ from scipy.integrate import quad
 from scipy.stats import norm
 
 from cooploc.scenarios import resolve
-from cooploc.scenarios.recordings.fit_choice import crps, is_no_worse
+from cooploc.scenarios.recordings.fit import crps, is_no_worse
 
 
 @pytest.mark.parametrize(("e", "sigma"), [(0.0, 1.0), (0.7, 0.5), (-4.0, 2.0)])
