@@ -12,15 +12,15 @@ import re
 from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from cooploc.estimators.errors import BadInput
-from cooploc.estimators.interface import Array, Belief, Mask, Senses, World
-from cooploc.estimators.models import Sighting, Unicycle, wrap_heading
-from cooploc.scenarios.recordings.sampling import Grid, cells, interpolate, mean_held
+from cooploc.estimators.interface import Belief, Mask, World
+from cooploc.estimators.models import Sighting, Unicycle
+from cooploc.scenarios.recordings.sampling import Gaps, Grid, sample_log
 from cooploc.scenarios.recordings.schema import TeamDescription
 from cooploc.scenarios.recordings.team_log import (
     Measured,
@@ -30,10 +30,11 @@ from cooploc.scenarios.recordings.team_log import (
     TeamLog,
     arena_around,
     order_series,
+    shift_stamps,
     split_channels,
 )
 from cooploc.scenarios.recordings.text_files import TextTable, read_table, whole_numbers
-from cooploc.scenarios.stream import Air, Stream, Truth
+from cooploc.scenarios.stream import Stream, Truth
 from cooploc.scenarios.worlds.radio import Positive
 
 BARCODES = "Barcodes.dat"
@@ -131,7 +132,7 @@ class Mrclam(BaseModel):
             motion=Unicycle(self.sigma_v, self.sigma_omega, self.tick),
             sensors={"landmark": camera, "sighting": camera},
             landmarks=landmarks,
-            t0=self._span()[0],
+            t0=self._span[0],
         )
 
     def simulate(self, label: str, trials: Sequence[int], seed: int, world: World) -> tuple[Truth, Stream]:
@@ -140,76 +141,55 @@ class Mrclam(BaseModel):
             raise BadInput(
                 f"scenario {label!r} is a recording and has one trial, 0, not {list(trials)}; ask for trials=1"
             )
-        log = self.log
-        t0, edges = self._span()
-        columns = []
-        for series in filter(None, log.truth):
-            true = np.column_stack([series.values[:, :2], np.unwrap(series.values[:, 2])])
-            columns.append(wrap_heading(interpolate(series.time - t0, true, edges, self.max_gap)))
-        poses = np.stack(columns, 1)
-        path = poses[None, 1:]
+        log, (t0, ticks), n, i = self.log, self._span, len(self.log.robots), np.empty(0, np.int64)
+        none, grid = ReadingSeries(np.empty(0), i, i, np.empty((0, 2)), ""), Grid(0.0, self.tick, ticks)
+        since_t0 = shift_stamps(log._replace(readings={"sighting": none, "landmark": none, **log.readings}), -t0)
+        sampled = sample_log(since_t0, grid, Gaps(self.max_gap, np.inf))
+        path = sampled.poses[None, 1:]
         valid: Mask = np.asarray(np.isfinite(path).all(-1))
-        senses, notes = self._senses(t0, edges)
-        t, T, n = valid.shape
-        linked = np.broadcast_to(~np.eye(n, dtype=bool), (t, T, n, n)).copy()
+        start = sampled.poses[:1]
+        if (lost := np.isnan(start).any((0, 2))).any():
+            raise BadInput(
+                f"{self.data}: robot {np.argmax(lost) + 1} has no truth at start={self.start:g} s, where the prior is "
+                "taken: choose another start or a larger max_gap"
+            )
+        P = np.diag([self.prior_position**2, self.prior_position**2, self.prior_heading**2])
+        # A robot that does not use landmarks gets nan, not width 0: an estimator that runs on one variant runs on all.
+        users = np.arange(n) < {"all": n, "one": 1, "none": 0}[self.sees]
+        landmark = np.where(users[:, None, None], sampled.senses.landmark, np.nan)
+        prior = f"true pose at t0, interpolated; assumed sd {self.prior_position:g} m, {self.prior_heading:g} rad"
         stream = Stream(
             scenario=label,
             seed=seed,
             trial=np.zeros(1, np.int64),
-            time=t0 + edges[1:],
+            time=t0 + grid.edges[1:],
             world=world,
-            prior=self._prior(poses[0]),
-            senses=senses,
-            air=Air(linked, np.empty((t, T, n, 0)), np.empty((t, T, n, 0))),
+            prior=Belief(start, np.broadcast_to(P, (1, n, 3, 3)).copy()),
+            senses=sampled.senses._replace(landmark=landmark),
+            air=sampled.air,
             notes={
                 "world": type(self).__name__,
                 "parameters": self.model_dump(mode="json", exclude={"data"}),
                 "recording": self.data.resolve().name,
                 "source": "UTIAS MRCLAM; Leung, Halpern, Barfoot, Liu, IJRR 30(8), 2011",
-                "prior": "true pose at t0, interpolated; assumed sd "
-                f"{self.prior_position:g} m, {self.prior_heading:g} rad",
-                **notes,
+                "prior": prior,
+                **sampled.counts,
+                "odometry_missing": np.isnan(sampled.senses.odometry[0]).any(-1).sum(0).tolist(),
+                "warnings": [line.replace(f"{self.data}/", "") for line in log.warnings],
                 "truth_masked": (~valid[0]).sum(0).tolist(),
             },
         )
         return Truth(label, stream.trial, path, valid, arena_around(log.landmarks.positions), stream.hashes), stream
 
-    def _span(self) -> tuple[float, Array]:
-        """The prior's time [s], and the edges (T + 1,) of the ticks after it [s]."""
-        times = [[series.time for series in of if series] for of in (self.log.truth, self.log.odometry)]
-        begin = max(time[0] for of in times for time in of)
-        end = min(time[-1] for of in times for time in of)
+    @cached_property
+    def _span(self) -> tuple[float, int]:
+        """The prior's time [s], and the number of ticks after it."""
+        times = [series.time for series in (*self.log.truth, *self.log.odometry) if series]
+        begin, end = max(time[0] for time in times), min(time[-1] for time in times)
         length = min(end - begin - self.start, self.duration or np.inf)
         if length < self.tick:
             raise BadInput(
                 f"{self.data}: truth and odometry of all robots begin at {begin:.3f} s and end at {end:.3f} s; "
                 f"start={self.start:g} leaves no tick of {self.tick:g} s: choose another start, duration or tick"
             )
-        return float(begin) + self.start, self.tick * np.arange(int(length / self.tick + 1e-6) + 1.0)
-
-    def _prior(self, poses: Array) -> Belief:
-        """The true poses (n, 3) at t0."""
-        lost = np.isnan(poses).any(-1)
-        if lost.any():
-            raise BadInput(
-                f"{self.data}: robot {np.argmax(lost) + 1} has no truth at start={self.start:g} s, where the prior is "
-                "taken: choose another start or a larger max_gap"
-            )
-        P = np.diag([self.prior_position**2, self.prior_position**2, self.prior_heading**2])
-        return Belief(poses[None], np.broadcast_to(P, (1, len(poses), 3, 3)).copy())
-
-    def _senses(self, t0: float, edges: Array) -> tuple[Senses, dict[str, Any]]:
-        """Return odometry and readings, and notes of what was dropped."""
-        log, n, i = self.log, len(self.log.robots), np.empty(0, np.int64)
-        none = ReadingSeries(np.empty(0), i, i, np.empty((0, 2)), "")
-        odometry = np.stack([mean_held(series.time - t0, series.values, edges) for series in log.odometry], 1)[None]
-        grid, notes = Grid(t0, self.tick, len(edges) - 1), dict[str, Any]()
-        sighting, notes["sighting"] = cells(log.readings.get("sighting", none), grid, n, n)
-        seen, notes["landmark"] = cells(log.readings.get("landmark", none), grid, n, len(log.landmarks.names))
-        # A robot that does not use landmarks gets nan, not width 0: an estimator that runs on one variant runs on all.
-        users = np.arange(n) < {"all": n, "one": 1, "none": 0}[self.sees]
-        landmark = np.where(users[:, None, None], seen[None], np.nan)
-        dt, anchors = np.full(odometry.shape[:3], self.tick), np.empty((*odometry.shape[:3], 0))
-        notes["odometry_missing"] = np.isnan(odometry[0]).any(-1).sum(0).tolist()
-        notes["warnings"] = [line.replace(f"{self.data}/", "") for line in log.warnings]
-        return Senses(odometry, dt, anchors, landmark, sighting[None], {}), notes
+        return float(begin) + self.start, int(length / self.tick + 1e-6)

@@ -5,12 +5,13 @@ the distance. Of several readings in one cell the last is kept, and the others a
 """
 
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
 from cooploc.estimators.errors import BadInput
-from cooploc.estimators.interface import Array, Indices
+from cooploc.estimators.interface import Array, Indices, Senses
 from cooploc.estimators.models import wrap, wrap_heading
 from cooploc.scenarios.recordings.team_log import (
     READING_COLUMNS,
@@ -202,37 +203,48 @@ def _hold_values(time: Array, u: Array, grid: Grid, max_hold: float) -> Array:
     return np.where(((begins > max_hold) | (ends > max_hold))[:, None], np.nan, mean)
 
 
-# ---- The readings of a team on the grid of ticks, as estimators get them
+# ---- A team's recording on the grid of ticks, as estimators get it
 
 
-class TeamReadings(NamedTuple):
-    """Readings of every channel, (1, T, n, ...); width 0 where a channel does not exist."""
+class Sampled(NamedTuple):
+    """A recording in ticks; width 0 where a channel does not exist."""
 
-    anchor_rssi: Array
-    landmark: Array
-    sighting: Array
-    extra: dict[str, Array]  # anchor_range (1, T, n, a) [m]
+    poses: Array  # (T + 1, n, 3)  true, nan where unknown
+    senses: Senses  # one trial
     air: Air
-    counts: dict[str, Any]  # by channel
+    counts: dict[str, Any]  # of readings, by channel
 
 
-def resample_readings(
-    log: TeamLog, grid: Grid, bias: Mapping[Channel, Array], packets: Literal["every tick", "with a reading"]
-) -> TeamReadings:
-    """Return readings at the tick nearest to their stamps, ranges less their `bias` (n, others) [m]."""
+def sample_log(
+    log: TeamLog,
+    grid: Grid,
+    gaps: Gaps,
+    scales: Array | float = 1.0,
+    bias: Mapping[Channel, Array] = MappingProxyType({}),
+    packets: Literal["every tick", "with a reading"] = "every tick",
+) -> Sampled:
+    """Return a recording in ticks: readings at the one nearest to their stamps, ranges less `bias` (n, others) [m].
+
+    `scales` (n, 2) are factors of the odometry.
+    """
     n, counts = len(log.robots), dict[str, Any]()
-    tables = {c: np.empty((grid.ticks, n, 0, len(columns))) for c, columns in READING_COLUMNS.items()}
+    tables = {c: np.empty((1, grid.ticks, n, 0, len(columns))) for c, columns in READING_COLUMNS.items()}
     for channel, readings in log.readings.items():
         used = alternate_ranges(readings) if channel == "range" else readings
         if channel in bias:
             used = used._replace(values=used.values - bias[channel][used.robot, used.other][:, None])
-        tables[channel], counts[channel] = cells(used, grid, n, len(other_names(log, channel)))
-    table = {channel: values[None] for channel, values in tables.items()}
-    ranges, rssi = table["range"][..., 0], table["rssi"][..., 0]
+        table, counts[channel] = cells(used, grid, n, len(other_names(log, channel)))
+        tables[channel] = table[None]
+    ranges, rssi, anchor_rssi, anchor_range = (
+        tables[channel][..., 0] for channel in ("range", "rssi", "anchor_rssi", "anchor_range")
+    )
     link = np.broadcast_to(~np.eye(n, dtype=bool), (1, grid.ticks, n, n)).copy()
     if packets == "with a reading":
         measured = [np.isfinite(each) for each in (ranges, rssi) if each.shape[-1]]
         link &= np.any(measured, axis=0) if measured else False
-    extra = {"anchor_range": table["anchor_range"][..., 0]} if "anchor_range" in counts else {}
-    air = Air(link, rssi, ranges)
-    return TeamReadings(table["anchor_rssi"][..., 0], table["landmark"], table["sighting"], extra, air, counts)
+    u = np.stack([odometry(log.odometry_kind, series, grid, gaps.hold) for series in log.odometry], 1) * scales
+    dt = np.broadcast_to(grid.dt[:, None], (1, *u.shape[:2])).copy()
+    extra = {"anchor_range": anchor_range} if "anchor_range" in counts else {}
+    senses = Senses(u[None], dt, anchor_rssi, tables["landmark"], tables["sighting"], extra)
+    path = np.stack([poses(series, grid.edges, gaps.truth) for series in log.truth], 1)
+    return Sampled(path, senses, Air(link, rssi, ranges), counts)

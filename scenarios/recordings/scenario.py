@@ -21,7 +21,7 @@ from pydantic import Field
 
 from cooploc.estimators import nearest
 from cooploc.estimators.errors import BadInput
-from cooploc.estimators.interface import Array, Mask, Senses, World
+from cooploc.estimators.interface import Array, Mask, World
 from cooploc.estimators.models import Range
 from cooploc.scenarios.recordings import sampling, schema
 from cooploc.scenarios.recordings.fit import (
@@ -34,7 +34,7 @@ from cooploc.scenarios.recordings.fit import (
     team_models,
 )
 from cooploc.scenarios.recordings.prior import start_belief
-from cooploc.scenarios.recordings.sampling import Gaps, Grid, grid_of_lines, resample_readings
+from cooploc.scenarios.recordings.sampling import Gaps, Grid, grid_of_lines
 from cooploc.scenarios.recordings.schema import NAME, TeamDescription
 from cooploc.scenarios.recordings.team_log import TeamLog, arena_around
 from cooploc.scenarios.stream import Stream, Truth
@@ -233,28 +233,36 @@ class TeamScenario(schema.Model):
     def simulate(self, label: str, trials: Sequence[int], seed: int, world: World) -> tuple[Truth, Stream]:
         """Truth and stream of one run, with `world` as what the team knows; the seed changes nothing."""
         log, grid, _, models, arena, *_ = self.judged_run
-        gaps, edges = self._gaps, grid.edges
-        poses = np.stack([sampling.poses(series, edges, gaps.truth) for series in log.truth], 1)
+        sampled = sampling.sample_log(log, grid, self._gaps, models.scales, models.bias, self.packets)
+        poses, odometry = sampled.poses, sampled.senses.odometry[0]
         headed = bool((np.isfinite(poses[1:, :, 2]) | np.isnan(poses[1:, :, 0])).all())
         path = poses[None, 1:, :, : 3 if headed else 2].copy()
         valid: Mask = np.asarray(np.isfinite(path).all(-1))
-        u = [sampling.odometry(log.odometry_kind, series, grid, gaps.hold) for series in log.odometry]
-        odometry = np.stack(u, 1) * models.scales
-        seen = resample_readings(log, grid, models.bias, self.packets)
         turns = None if log.odometry_kind == "displacement" else odometry[..., 1] * grid.dt[:, None]
         where = [f"run {log.name!r}: robot {robot!r}" for robot in log.robots]
         belief, source = start_belief(log.robots, where, self._prior, arena, poses, turns)
-        dt = np.broadcast_to(grid.dt[:, None], (1, *odometry.shape[:2])).copy()
         stream = Stream(
             scenario=label,
             seed=seed,
             trial=np.array(trials, np.int64),
-            time=log.zero + edges[1:],
+            time=log.zero + grid.edges[1:],
             world=world,
             prior=belief,
-            senses=Senses(odometry[None], dt, seen.anchor_rssi, seen.landmark, seen.sighting, seen.extra),
-            air=seen.air,
-            notes=self._notes(odometry, valid) | {"prior": source, "readings": seen.counts},
+            senses=sampled.senses,
+            air=sampled.air,
+            notes={
+                "world": type(self).__name__,
+                "parameters": self.model_dump(mode="json", exclude={"data"}),
+                "recording": f"{self.data.resolve().name}/{log.name}",
+                "robots": list(log.robots),
+                "source": self.folder.description.about,
+                "models": models.notes,
+                "odometry_missing": np.isnan(odometry).any(-1).sum(0).tolist(),
+                "truth_masked": (~valid[0]).sum(0).tolist(),
+                "warnings": list(log.warnings),
+                "prior": source,
+                "readings": sampled.counts,
+            },
         )
         return Truth(label, stream.trial, path, valid, arena, stream.hashes), stream
 
@@ -352,20 +360,6 @@ class TeamScenario(schema.Model):
     def _overrides(self, names: Sequence[str]) -> dict[str, Any]:
         """Return the parameters that replace values of the description."""
         return {name: value for name in names if (value := getattr(self, name)) is not None}
-
-    def _notes(self, odometry: Array, valid: Mask) -> dict[str, Any]:
-        log, models = self.judged_run.log, self.judged_run.models
-        return {
-            "world": type(self).__name__,
-            "parameters": self.model_dump(mode="json", exclude={"data"}),
-            "recording": f"{self.data.resolve().name}/{log.name}",
-            "robots": list(log.robots),
-            "source": self.folder.description.about,
-            "models": models.notes,
-            "odometry_missing": np.isnan(odometry).any(-1).sum(0).tolist(),
-            "truth_masked": (~valid[0]).sum(0).tolist(),
-            "warnings": list(log.warnings),
-        }
 
 
 def _text_of(value: Any) -> str:

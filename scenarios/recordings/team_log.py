@@ -92,6 +92,15 @@ def arena_around(fixed: Array) -> Array:
     return np.stack([fixed.min(0) - MARGIN, fixed.max(0) + MARGIN])
 
 
+def shift_stamps(log: TeamLog, by: float) -> TeamLog:
+    """Return the recording with some seconds added to all stamps."""
+    odometry, truth = (
+        tuple(series and series._replace(time=series.time + by) for series in of) for of in (log.odometry, log.truth)
+    )
+    readings = {channel: r._replace(time=r.time + by) for channel, r in log.readings.items()}
+    return log._replace(odometry=odometry, truth=truth, readings=readings)
+
+
 # ---- True poses as a description declares them: in another frame, and without positions that cannot be
 
 
