@@ -1,12 +1,14 @@
 """A log.toml for a directory of CSV files: what each column is and whose, always with the reason.
 
 A column's meaning follows from its name first, then from its values; its robot from a column of names, else from the
-names of the files.
+names of the files. `column_names.toml` has the words.
 """
 
 import csv
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import tomllib
+from collections.abc import Iterable, Mapping, Sequence
+from importlib.resources import files as resources
 from itertools import pairwise, permutations
 from pathlib import Path
 from reprlib import repr as short_repr
@@ -25,11 +27,58 @@ from cooploc.scenarios.recordings.text_files import COMMENTS, parse_field, read_
 ENDINGS = (".csv", ".txt", ".tsv", ".dat", ".log")
 DELIMITERS = (";", ",", "\t", "|", " ")
 REMEDY = "name the files odom_NAME.csv and truth_NAME.csv, or write log.toml by hand (docs/how-to/robots.md)"
-READINGS = ("ranges", "rssi", "sightings")
+READINGS = {"sightings": ("range", "bearing"), "ranges": ("range",), "rssi": ("rssi",)}  # table -> its columns
 STAMPS = ("time", "sec", "nsec")
 KINDS = ("velocity", "path", "displacement", "pose")  # of odometry; the first whose columns a file has
-LANDMARKS = {"landmark", "landmarks", "marker", "markers", "tag", "tags"}
-ANCHORS = {"anchor", "anchors", "node", "nodes", "beacon", "beacons", "ap"}
+
+# --- Names
+
+_WORDS = tomllib.loads((resources(__package__) / "column_names.toml").read_text("utf-8"))
+
+
+def _meanings(table: str) -> dict[str, str]:
+    return {word: meaning for meaning, words in _WORDS[table].items() for word in words.split()}
+
+
+QUANTITY, SIDE, UNIT, OTHERS = map(_meanings, ("quantities", "sides", "units", "others"))
+QUANTITY_OF_PAIR = {pair: quantity.replace("nothing", "") for quantity, of in _WORDS["pairs"].items() for pair in of}
+ODOMETRY = {word for word, side in SIDE.items() if side == "odometry"}
+LENGTH, ANGLE, RATES = ("m", "cm", "mm"), ("rad", "deg"), ("speed", "turn_rate")
+UNITS_OF = {
+    "time": ("s", "ms", "us", "ns"),
+    "rssi": ("dBm",),
+    "heading": ANGLE,
+    "bearing": ANGLE,
+    "sec": (),
+    "nsec": (),
+}
+
+
+def words_of(name: str) -> list[str]:
+    """Return the words of a name in small letters: camelCase, digits and signs divide it."""
+    plain = normalize("NFKD", name).encode("ascii", "ignore").decode().replace("{robot}", " ").replace("{other}", " ")
+    return [word.lower() for word in re.findall(r"[A-Za-z]+", re.sub(r"([a-z])([A-Z])", r"\1 \2", plain))]
+
+
+def name_meaning(column: str) -> tuple[str, str, str]:
+    """Return quantity, unit and side by a column's name, "" where unknown; a unit that does not fit is left out."""
+    inside = re.search(r"[\[(]([^\])]*)[\])]", column.replace("°", "deg"))
+    words = words_of(re.sub(r"[\[(][^\])]*[\])]", " ", column))
+    pair = next((f"{a} {b}" for a, b in pairwise(words) if f"{a} {b}" in QUANTITY_OF_PAIR), "")
+    known = [QUANTITY[word] for word in words if word in QUANTITY]
+    quantity = QUANTITY_OF_PAIR[pair] if pair else min(known, key=list(_WORDS["quantities"]).index, default="")
+    unit = next((UNIT[word] for word in (words_of(inside[1]) if inside else words[1:]) if word in UNIT), "")
+    if quantity in RATES:
+        unit = f"{unit}/s" if unit in (*LENGTH, *ANGLE) else unit * ("/" in unit)
+    elif unit not in UNITS_OF.get(quantity, LENGTH):
+        unit = ""
+    return quantity, unit, side_of(words)
+
+
+def side_of(words: Sequence[str]) -> str:
+    """Return "truth" or "odometry" if words speak of it; odometry, if of both."""
+    return min((SIDE[word] for word in words if word in SIDE), default="")
+
 
 # --- Files
 
@@ -84,25 +133,12 @@ def read_csv(path: Path, name: str) -> CsvTable:
     patterns, robots = columns_of_robots(head)
     columns: dict[str, Array | tuple[str, ...]] = {}
     for column, words in zip(head, zip(*whole, strict=True), strict=True):  # of several robots the first one's values
-        columns.setdefault(patterns.get(column, column), _values(words))
+        numbers = np.array([parse_field(word) for word in words])
+        good, filled = np.isfinite(numbers), sum(map(bool, words))
+        is_number = filled and good.sum() >= 0.9 * filled
+        columns.setdefault(patterns.get(column, column), np.where(good, numbers, np.nan) if is_number else words)
     found = CsvTable(name, delimiter, columns, (), robots)
     return found._replace(guesses=infer_columns(found))
-
-
-NO_ROBOTS = {
-    "linear",
-    "angular",
-    "position",
-    "orientation",
-    "pose",
-    "twist",
-    "q",
-    "start",
-    "end",
-    "goal",
-    "left",
-    "right",
-}
 
 
 def columns_of_robots(head: Sequence[str]) -> tuple[dict[str, str], tuple[str, ...]]:
@@ -112,18 +148,18 @@ def columns_of_robots(head: Sequence[str]) -> tuple[dict[str, str], tuple[str, .
     columns of motion or position must be there for every robot.
     """
     words_at: dict[str, dict[str, str]] = {}  # pattern -> {robot: column}
+    no_names = {*QUANTITY, *SIDE, *UNIT, *(word for word, kind in OTHERS.items() if kind == "no_robots")}
     for column in head:
         for match in re.finditer(r"\d+|[A-Za-z]+?(?=\d|[A-Z][a-z]|[^A-Za-z]|$)", column):
-            if {*words_of(match[0])} & {*QUANTITY, *TRUTH, *ODOMETRY, *UNIT, *NO_ROBOTS}:
-                continue
-            pattern = f"{column[: match.start()]}{{robot}}{column[match.end() :]}"
-            words_at.setdefault(pattern, {})[match[0]] = column
+            if not {*words_of(match[0])} & no_names:
+                pattern = f"{column[: match.start()]}{{robot}}{column[match.end() :]}"
+                words_at.setdefault(pattern, {})[match[0]] = column
     teams: dict[frozenset[str], set[str]] = {}
     for pattern, of in words_at.items():
         if len(of) > 1 and name_meaning(pattern)[0] in ("x", "y", "speed", "turn_rate", "heading"):
             teams.setdefault(frozenset(of), set()).add(name_meaning(pattern)[0])
     team = max(teams, key=lambda team: (len(teams[team]), len(team)), default=frozenset[str]())
-    if not (teams.get(team, set()) >= {"x", "y"} or teams.get(team, set()) >= {"speed", "turn_rate"}):
+    if not any(teams.get(team, set()) >= needed for needed in ({"x", "y"}, {"speed", "turn_rate"})):
         return {}, ()
     found = {column: p for p, of in words_at.items() if {*of} == team for column in of.values()}
     robots = tuple(dict.fromkeys(word for of in words_at.values() if {*of} == team for word in of))
@@ -133,13 +169,6 @@ def columns_of_robots(head: Sequence[str]) -> tuple[dict[str, str], tuple[str, .
             if name_meaning(column)[0] in ("range", "rssi") and pair.search(column):
                 found[column] = pair.sub(lambda m: f"{{robot}}{m[1] or m[2] or ''}{{other}}", column)
     return found, robots
-
-
-def _values(fields: tuple[str, ...]) -> Array | tuple[str, ...]:
-    """Return numbers, if nine of ten fields that are not empty are numbers; else the fields."""
-    numbers = np.array([parse_field(field) for field in fields])
-    good, filled = np.isfinite(numbers), sum(map(bool, fields))
-    return np.where(good, numbers, np.nan) if filled and good.sum() >= 0.9 * filled else fields
 
 
 def _read_files(paths: Iterable[Path], folder: Path, data: Path) -> tuple[list[CsvTable], list[str]]:
@@ -158,84 +187,6 @@ def _text_files(folder: Path) -> list[Path]:
     return sorted(p for p in folder.rglob("*") if p.is_file() and p.suffix.lower() in ENDINGS)
 
 
-# --- Names
-
-# Quantity -> words that name it. The first quantity with a word of the column wins, so the special come first.
-WORDS = {
-    "nsec": "nsec nsecs nanosec nanoseconds nanosecs",
-    "sec": "sec secs seconds",
-    "time": "t time stamp timestamp ts clock zeit zeitstempel temps tiempo tempo",
-    "turn_rate": "w omega wz yawrate gyro angvel turnrate drehrate gierrate winkelgeschwindigkeit",
-    "rssi": "rssi signal dbm power",
-    "bearing": "bearing azimuth aoa doa",
-    "heading": "yaw theta heading th psi orientation azimut winkel richtung kurs cap orientacion angulo rumbo",
-    "range": "range ranges dist distance tof uwb d abstand entfernung distanz distancia distanza",
-    "dx": "dx deltax",
-    "dy": "dy deltay",
-    "length": "length path odometer mileage travelled metres meters",
-    "speed": "v vx vel velocity speed vlin geschwindigkeit vitesse velocidad velocita",
-    "x": "x px tx posx east easting",
-    "y": "y py ty posy north northing",
-    "other": "to other target responder tag subject anchor landmark dst dest destination receiver "
-    "nach zu vers hasta hacia",
-    "robot": "robot id from name agent vehicle source src initiator node sender roboter von de desde",
-}
-PAIRS = {  # two words that together name one quantity
-    "turn_rate": (
-        *("yaw rate", "turn rate", "ang vel", "vel w", "angular z", "angular velocity", "angular vel"),
-        *("vitesse angulaire", "velocidad angular", "velocita angolare"),
-    ),
-    "speed": ("linear x", "vel v", "vel x"),
-    "": ("vel y", "frame id"),
-    "dx": ("delta x",),
-    "dy": ("delta y",),
-}
-TRUTH = {"truth", "true", "gt", "groundtruth", "ground", "mocap", "vicon", "optitrack", "vrpn", "pos", "cap"}
-TRUTH |= {"wahrheit", "verite", "verdad", "verdadera"}
-ODOMETRY = {"odom", "odometry", "odo", "wheel", "wheels", "encoder", "imu", "cmd"}
-ODOMETRY |= {"odometrie", "odometria"}
-UNIT = {"millimeters": "mm", "millimetres": "mm", "degs": "deg", "degree": "deg", "degrees": "deg", "radians": "rad"}
-UNIT |= {"dbm": "dBm", "mps": "m/s", "kmh": "km/h"}
-UNIT |= {unit: unit for unit in ("mm", "cm", "m", "deg", "rad", "ms", "us", "ns", "s")}
-LENGTH, ANGLE, RATES = ("m", "cm", "mm"), ("rad", "deg"), ("speed", "turn_rate")
-UNITS_OF = {
-    "time": ("s", "ms", "us", "ns"),
-    "rssi": ("dBm",),
-    "heading": ANGLE,
-    "bearing": ANGLE,
-    "sec": (),
-    "nsec": (),
-}
-QUANTITY = {word: quantity for quantity, words in WORDS.items() for word in words.split()}
-QUANTITY_OF_PAIR = {pair: quantity for quantity, pairs in PAIRS.items() for pair in pairs}
-
-
-def words_of(name: str) -> list[str]:
-    """Return the words of a name in small letters: camelCase, digits and signs divide it."""
-    plain = normalize("NFKD", name).encode("ascii", "ignore").decode().replace("{robot}", " ").replace("{other}", " ")
-    return [word.lower() for word in re.findall(r"[A-Za-z]+", re.sub(r"([a-z])([A-Z])", r"\1 \2", plain))]
-
-
-def name_meaning(column: str) -> tuple[str, str, str]:
-    """Return quantity, unit and side by a column's name, "" where unknown; a unit that does not fit is left out."""
-    inside = re.search(r"[\[(]([^\])]*)[\])]", column.replace("°", "deg"))
-    words = words_of(re.sub(r"[\[(][^\])]*[\])]", " ", column))
-    pair = next((f"{a} {b}" for a, b in pairwise(words) if f"{a} {b}" in QUANTITY_OF_PAIR), "")
-    known = [QUANTITY[word] for word in words if word in QUANTITY]
-    quantity = QUANTITY_OF_PAIR[pair] if pair else min(known, key=list(WORDS).index, default="")
-    unit = next((UNIT[word] for word in (words_of(inside[1]) if inside else words[1:]) if word in UNIT), "")
-    if quantity in RATES:
-        unit = f"{unit}/s" if unit in (*LENGTH, *ANGLE) else unit * ("/" in unit)
-    elif unit not in UNITS_OF.get(quantity, LENGTH):
-        unit = ""
-    return quantity, unit, side_of(words)
-
-
-def side_of(words: list[str]) -> str:
-    """Return "truth" or "odometry" if words speak of it."""
-    return "odometry" if ODOMETRY & {*words} else "truth" if TRUTH & {*words} else ""
-
-
 # --- Values
 
 SI = {"time": "s", "sec": "s", "nsec": "ns", "turn_rate": "rad/s", "speed": "m/s", "rssi": "dBm"}  # else m
@@ -243,6 +194,8 @@ EPOCHS = {"ns": 1e9, "us": 1e6, "ms": 1e3, "s": 1.0}  # in a second
 SINCE_1970 = (5e8, 5e9)  # [s] from 1985 to 2128
 SLOW = 2.0  # [1/s] in radians robots turn more slowly, in degrees faster
 NAMES = ("robot", "other")  # quantities whose values are names
+PART = "part of a quaternion"
+TUM = (("time", "s"), ("x", "m"), ("y", "m"), ("", ""))  # quantities and units of the columns before a quaternion
 
 
 def infer_columns(table: CsvTable) -> tuple[Guess, ...]:
@@ -262,48 +215,45 @@ def _quaternions(table: CsvTable) -> dict[str, Guess]:
     Eight columns without names, of which the last four are a quaternion, are stamp, position and orientation (TUM).
     """
     found: dict[str, Guess] = {}
-    unnamed = tuple(map(str, range(1, 9)))
+    numbered = list(table.columns) == list("12345678")
     for column in table.columns:
         own = [column[:-1] + q for q in "xyzw" if column[:-1] + q in table.columns] if column[-1:] == "w" else []
-        own = list(unnamed[4:]) if column == "8" and tuple(table.columns) == unnamed else own
-        values = [table.columns[name] for name in own if not isinstance(table.columns[name], tuple)]
-        if len(values) not in (2, 4) or len(values) < len(own):
+        own = list("5678") if numbered and column == "8" else own
+        values = [values for name in own if not isinstance(values := table.columns[name], tuple)]
+        if len(own) not in (2, 4) or len(values) < len(own):
             continue
         if (np.abs(np.linalg.norm(np.array(values, float), axis=0) - 1) < 0.01).mean() > 0.9:
             found |= {name: Guess(name, "", "", "", PART) for name in own}
             whole = f"with {', '.join(own[:-1])} of length 1: a quaternion"
             found[column] = Guess(column, "heading", "rad", "", whole, tuple(own))
-            if column == "8":
-                names = {"1": ("time", "s"), "2": ("x", "m"), "3": ("y", "m"), "4": ("", "")}
-                found |= {
-                    name: Guess(name, q, unit, "", f"column {name} of eight as in TUM files")
-                    for name, (q, unit) in names.items()
-                }
+            for k, (quantity, unit) in enumerate(TUM if numbered else (), 1):
+                found[f"{k}"] = Guess(f"{k}", quantity, unit, "", f"column {k} of eight as in TUM files")
     return found
-
-
-PART = "part of a quaternion"
 
 
 def _guess(table: CsvTable, column: str, file_side: str) -> Guess:
     quantity, named_unit, side = name_meaning(column)
     reason, values = f"its name {column!r}", table.numbers(column)
-    falls, rises = np.diff(values) < 0, len(values) > 10 and (np.diff(values) >= 0).all() and np.ptp(values) > 0
+    change = np.diff(values)
     beside = {name_meaning(name)[::2] for name in table.columns}
-    is_place = all(
-        name in table.columns and name_meaning(name)[0] == name[-1] for name in (column[:-1] + q for q in "xy")
-    )
+    places = [name for name in (column[:-1] + q for q in "xy") if name in table.columns]
     unknown = ""
     if not quantity:
         unknown = "neither name nor values say what it is"
     elif isinstance(table.columns[column], tuple) and quantity not in NAMES:
         unknown = f"its name says {quantity}, but its values are not numbers"
-    elif quantity == "turn_rate" and column[:-1] and column[-1] == "w" and is_place:
+    elif (
+        quantity == "turn_rate"
+        and column[1:]
+        and column[-1] == "w"
+        and [name_meaning(n)[0] for n in places] == ["x", "y"]
+    ):
         unknown = "w beside x and y: part of a quaternion, or a heading"
-    elif quantity in ("time", "sec") and len(values) > 1 and falls.mean() > 0.01:
+    elif quantity in ("time", "sec") and len(values) > 1 and (change < 0).mean() > 0.01:
         unknown = f"its name says {quantity}, but its values fall"
     if unknown:
         return Guess(column, "", "", side, unknown)
+    rises = len(values) > 10 and (change >= 0).all() and np.ptp(values) > 0
     if rises and (quantity, side) == ("x", "odometry") and ("y", "odometry") not in beside:
         quantity = "length"
         reason += " has no y beside it, and its values only rise: a counter of metres"
@@ -334,27 +284,24 @@ def _unit(quantity: str, named: str, values: Array, turn_rate: float) -> tuple[s
     if quantity == "time":
         return _time_unit(values)
     largest, usual = (float(q) for q in np.quantile(np.abs(values), [0.99, 0.75]))
-    if angle and largest > 2.1 * np.pi and turn_rate < SLOW and not (np.abs(np.diff(values)) > 300).any():
-        return (
-            "rad",
-            f"values reach {largest:.4g} and turn by up to {turn_rate:.2g} in a second: radians, unwrapped, perhaps",
-        )
-    if angle and 2.1 * np.pi < largest <= 361:
-        return "deg", f"values reach {largest:.4g}, more than 2 pi"
-    if angle:
-        return "rad", f"values reach {largest:.3g}"
-    if quantity == "turn_rate" and usual > 2 * np.pi:
-        return "deg/s", f"values reach {largest:.4g}: no robot spins so fast in rad/s"
-    if quantity == "speed" and largest > 30:
-        return "mm/s", f"values reach {largest:.4g}: too fast for m/s"
-    if quantity in SI:
-        return SI[quantity], "SI" if quantity in RATES else ""
-    span = float(np.ptp(np.quantile(values, [0.02, 0.98])))
-    if span > 1000:
-        return "mm", f"values span {span:.4g}: too far for metres"
-    if span > 100:
-        return "cm", f"values span {span:.4g}: far for metres, perhaps"
-    return "m", f"values span {span:.3g}"
+    span, far = float(np.ptp(np.quantile(values, [0.02, 0.98]))), largest > 2.1 * np.pi
+    slow = turn_rate < SLOW and not (np.abs(np.diff(values)) > 300).any()
+    unwrapped = f"turn by up to {turn_rate:.2g} in a second: radians, unwrapped, perhaps"
+    rules = (
+        (angle and far and slow, "rad", f"values reach {largest:.4g} and {unwrapped}"),
+        (angle and far and largest <= 361, "deg", f"values reach {largest:.4g}, more than 2 pi"),
+        (angle, "rad", f"values reach {largest:.3g}"),
+        (
+            quantity == "turn_rate" and usual > 2 * np.pi,
+            "deg/s",
+            f"values reach {largest:.4g}: no robot spins so fast in rad/s",
+        ),
+        (quantity == "speed" and largest > 30, "mm/s", f"values reach {largest:.4g}: too fast for m/s"),
+        (quantity in SI, SI.get(quantity, ""), "SI" * (quantity in RATES)),
+        (span > 1000, "mm", f"values span {span:.4g}: too far for metres"),
+        (span > 100, "cm", f"values span {span:.4g}: far for metres, perhaps"),
+    )
+    return next(((unit, why) for holds, unit, why in rules if holds), ("m", f"values span {span:.3g}"))
 
 
 def _time_unit(values: Array) -> tuple[str, str]:
@@ -400,7 +347,13 @@ def _parts(file: CsvTable) -> list[TablePart]:
     if "time" in shared:
         shared = {q: g for q, g in shared.items() if q not in ("sec", "nsec")}
     if not shared.keys() & {"time", "sec"}:
-        return _places(file)
+        own = _first_columns(file.guesses, ("x", "y", "robot", "other"))
+        label = own.get("robot") or own.get("other") or next((g for g in file.guesses if g.column not in "xy"), None)
+        if not {"x", "y"} <= own.keys() or label is None:
+            return []
+        kinds = {OTHERS.get(word) for word in (*words_of(Path(file.name).stem), *words_of(label.column))}
+        table = "landmarks" if "landmarks" in kinds and "anchors" not in kinds else "anchors"
+        return [TablePart(table, (file,), {"name": label, "x": own["x"], "y": own["y"]})]
     parts, left = [], list(file.guesses)
     for kind in KINDS:
         own = _first_columns(file.guesses, COLUMNS[kind], ("odometry",) if kind == "pose" else ("", "odometry"))
@@ -412,24 +365,12 @@ def _parts(file: CsvTable) -> list[TablePart]:
     truth = _first_columns(left, ("x", "y", "heading"), ("truth",) if has_truth else ("",))
     if {"x", "y"} <= truth.keys():
         parts.append(TablePart("truth", (file,), shared | truth))
-    readings = {q: g for q in ("range", "bearing", "rssi") if (g := [g for g in left if g.quantity == q])}
-    alone = {q: g for q, g in shared.items() if q != "other"}  # where there is a column for each thing measured
-    for table, quantities in (("sightings", ("range", "bearing")), ("ranges", ("range",)), ("rssi", ("rssi",))):
-        if readings.keys() >= {*quantities} and not (table == "ranges" and "bearing" in readings):
-            own = {q: readings[q][0] for q in quantities}
-            parts.append(TablePart(table, (file,), (alone if len(readings[quantities[0]]) > 1 else shared) | own))
+    for table, quantities in READINGS.items():
+        own, several = _first_columns(left, quantities), sum(g.quantity == quantities[0] for g in left) > 1
+        if len(own) == len(quantities) and not (table == "ranges" and "sightings" in {part.table for part in parts}):
+            alone = {q: g for q, g in shared.items() if q != "other"}  # with a column for each thing measured
+            parts.append(TablePart(table, (file,), (alone if several else shared) | own))
     return parts
-
-
-def _places(file: CsvTable) -> list[TablePart]:
-    """Return a file of names and places; of anchors, if its name does not speak of landmarks."""
-    own = _first_columns(file.guesses, ("x", "y", "robot", "other"))
-    label = own.get("robot") or own.get("other") or next((g for g in file.guesses if g.column not in ("x", "y")), None)
-    if not {"x", "y"} <= own.keys() or label is None:
-        return []
-    words = {*words_of(Path(file.name).stem), *words_of(label.column)}
-    table = "landmarks" if words & LANDMARKS and not words & ANCHORS else "anchors"
-    return [TablePart(table, (file,), {"name": label, "x": own["x"], "y": own["y"]})]
 
 
 def _first_columns(
@@ -446,8 +387,12 @@ def _merge_parts(parts: Sequence[TablePart], unused: list[str]) -> list[TablePar
     for part in parts:
         key = part.table, part.kind, frozenset((q, g.column) for q, g in part.columns.items())
         if key in merged:
-            before = merged[key]
-            columns = {q: _common_unit(g, part.columns[q], part.files[0]) for q, g in before.columns.items()}
+            before, columns = merged[key], {}
+            for q, guess in before.columns.items():
+                other = part.columns[q]
+                better = guess if guess.unit in UNITS else other  # of two units that of SI is more probable
+                why = f"files differ, in {part.files[0].name} it is {other.unit}, perhaps"
+                columns[q] = guess if guess.unit == other.unit else better._replace(reason=why)
             part = before._replace(columns=columns, files=(*before.files, *part.files))
         merged[key] = part
     kept: list[TablePart] = []
@@ -463,80 +408,7 @@ def _merge_parts(parts: Sequence[TablePart], unused: list[str]) -> list[TablePar
     return kept
 
 
-def _common_unit(guess: Guess, other: Guess, file: CsvTable) -> Guess:
-    """Return the guess for a column of several files; of two units that of SI is more probable."""
-    if guess.unit == other.unit:
-        return guess
-    better = guess if guess.unit in UNITS else other
-    return better._replace(reason=f"files differ, in {file.name} it is {other.unit}, perhaps")
-
-
-# --- The draft
-
-
-def csv_draft(data: Path) -> Draft:
-    """Return the draft for a directory of CSV files, or of runs with such files."""
-    beside, _ = _read_files([p for p in _text_files(data) if p.parent == data], data, data)
-    stamped = any(guess.quantity in ("time", "sec") for file in beside for guess in file.guesses)
-    inside = [] if stamped else [p for p in sorted(data.iterdir()) if p.is_dir() and _text_files(p)]
-    try:  # red/odom.csv is of a robot, monday/odom_red.csv of a run: only the latter says itself whose it is
-        draft, robots = _draft_run(inside[0] if inside else data, data)
-    except BadInput:
-        if not inside:
-            raise
-        robots = ()
-    return draft if len(robots) > 1 or not inside else _draft_run(data, data)[0]
-
-
-def _draft_run(folder: Path, data: Path) -> tuple[Draft, tuple[str, ...]]:
-    """Return the draft for the CSV files of one run, with those beside the runs, which are of all; and its robots."""
-    beside = [p for p in _text_files(data) if p.parent == data]
-    files, unused = _read_files(dict.fromkeys([*_text_files(folder), *beside]), folder, data)
-    if not files:
-        none = f"{folder}: there is no CSV file, bag, PyFG file or MRCLAM text in it; name another directory"
-        raise BadInput(next((line for line in unused if line.startswith(str(data))), none))
-    delimiter = files[0].delimiter
-    entries = [Entry("format", "csv", f"{len(files)} text files with columns")]
-    runs, why = _are_runs_of_one_robot(files)
-    runs &= folder == data
-    doubts: tuple[Finding, ...] = ()
-    if not why and folder == data:
-        fact = (
-            f"{len(files)} files of the same columns, with stamps in common, may be of one robot each, or runs of one"
-        )
-        setting = f'for runs: robots = ["robot"], and file = "{{run}}{Path(files[0].name).suffix}" in every table'
-        doubts = (Finding("robots", "", "", fact, "perhaps", setting),)
-    files = files[:1] if runs else files
-    parts_of = {file.name: _parts(file) for file in files}
-    lacking = "its columns make no table, of stamps with motion, positions or readings"
-    unused += [f"{name}: {lacking}" for name, some in parts_of.items() if not some]
-    parts = _merge_parts([part for some in parts_of.values() for part in some], unused)
-    for needed in ("odometry", "truth"):
-        if needed not in {part.table for part in parts}:
-            unread = next((line for line in unused if line.startswith(str(data))), "")
-            if nameless := next((file.name for file in files if [*file.columns][:2] == ["1", "2"]), ""):
-                unread = f"{folder / nameless}: numbers where the names of the columns should be; add a line of names"
-            what = {"odometry": "(speeds and turn rates, poses, or steps), from which every estimator starts"}
-            what_lacks = f"{needed} {what.get(needed, '(x and y)')}"
-            raise BadInput(unread or f"{folder}: no file has columns that look like {what_lacks}; {REMEDY}")
-    robots = ("robot",) if runs else _robots(folder, parts)
-    entries.append(Entry("robots", list(robots), why or "their names in the names of the files", "likely"))
-    if delimiter != ",":
-        entries.append(Entry("delimiter", delimiter, "between the names in the first line"))
-    fixed = [name for part in parts if part.table in ("anchors", "landmarks") for name in _surveyed(part)]
-    drafted = [_draft_table(part, robots, fixed, runs, delimiter) for part in parts]
-    for part, table in zip(parts, drafted, strict=True):
-        if isinstance(table, str) and part.table in ("odometry", "truth"):
-            raise BadInput(f"{folder}: {table}; or {REMEDY}")
-    unused += [table for table in drafted if isinstance(table, str)]
-    tables = tuple({repr(table.entries): table for table in drafted if isinstance(table, DraftTable)}.values())
-    columns = []
-    for file in files:
-        for g in file.guesses:
-            columns.append((file.name, g.column, (g.quantity or "not known") + f" [{g.unit}]" * bool(g.unit), g.reason))
-        if unknown := [g.column for g in file.guesses if g.column and not g.quantity and g.reason != PART]:
-            unused.append(f"{file.name}: columns {', '.join(unknown)}")
-    return Draft(tuple(entries), tables, tuple(columns), tuple(unused), doubts), robots
+# --- Robots, runs and their names
 
 
 def _are_runs_of_one_robot(files: Sequence[CsvTable]) -> tuple[bool, str]:
@@ -602,17 +474,110 @@ def file_pattern(files: Sequence[str], known: Sequence[str] = ()) -> tuple[str, 
     return (best, tuple(dict.fromkeys(robots))) if len(robots) > 1 or len(files) == len(robots) else (files[0], ())
 
 
+def match_names(words: Iterable[str], robots: Sequence[str]) -> dict[str, str]:
+    """Return the robots that other words mean: the same but for capitals and signs, else with the same number."""
+    found: dict[str, str] = {}
+    for form in (_letters, _last_number):
+        for word in dict.fromkeys(words):
+            alike = [r for r in robots if form(word) and form(r) == form(word) and r not in found.values()]
+            if word not in robots and word not in found and len(alike) == 1:
+                found[word] = alike[0]
+    return found
+
+
+def _letters(name: str) -> str:
+    return re.sub(r"[\W_]", "", name).lower()
+
+
+def _last_number(name: str) -> str:
+    return (re.findall(r"\d+", name) or [""])[-1].lstrip("0")
+
+
+def _clean_name(word: str) -> str:
+    """Return a name for a word in a file: blanks, and signs that a name cannot have, become _."""
+    return re.sub(r"[\s,/{}\[\]]", "_", word)
+
+
+# --- The draft
+
+
+def csv_draft(data: Path) -> Draft:
+    """Return the draft for a directory of CSV files, or of runs with such files."""
+    beside, _ = _read_files([p for p in _text_files(data) if p.parent == data], data, data)
+    stamped = any(guess.quantity in ("time", "sec") for file in beside for guess in file.guesses)
+    inside = [] if stamped else [p for p in sorted(data.iterdir()) if p.is_dir() and _text_files(p)]
+    try:  # red/odom.csv is of a robot, monday/odom_red.csv of a run: only the latter says itself whose it is
+        draft, robots = _draft_run(inside[0] if inside else data, data)
+    except BadInput:
+        if not inside:
+            raise
+        robots = ()
+    return draft if len(robots) > 1 or not inside else _draft_run(data, data)[0]
+
+
+def _draft_run(folder: Path, data: Path) -> tuple[Draft, tuple[str, ...]]:
+    """Return the draft for the CSV files of one run, with those beside the runs, which are of all; and its robots."""
+    beside = [p for p in _text_files(data) if p.parent == data]
+    files, unused = _read_files(dict.fromkeys([*_text_files(folder), *beside]), folder, data)
+    unread = next((line for line in unused if line.startswith(str(data))), "")
+    if not files:
+        raise BadInput(
+            unread or f"{folder}: there is no CSV file, bag, PyFG file or MRCLAM text in it; name another directory"
+        )
+    doubts: tuple[Finding, ...] = ()
+    runs, why = _are_runs_of_one_robot(files)
+    runs &= folder == data
+    if not why and folder == data:
+        common = f"{len(files)} files of the same columns, with stamps in common"
+        setting = f'for runs: robots = ["robot"], and file = "{{run}}{Path(files[0].name).suffix}" in every table'
+        doubts = (Finding("robots", "", "", f"{common}, may be of one robot each, or runs of one", "perhaps", setting),)
+    entries = [Entry("format", "csv", f"{len(files)} text files with columns")]
+    files = files[:1] if runs else files
+    parts_of = {file.name: _parts(file) for file in files}
+    lacking = "its columns make no table, of stamps with motion, positions or readings"
+    unused += [f"{name}: {lacking}" for name, some in parts_of.items() if not some]
+    parts = _merge_parts([part for some in parts_of.values() for part in some], unused)
+    motion = "odometry (speeds and turn rates, poses, or steps), from which every estimator starts"
+    for needed, words in (("odometry", motion), ("truth", "truth (x and y)")):
+        if needed not in {part.table for part in parts}:
+            if nameless := next((file.name for file in files if [*file.columns][:2] == ["1", "2"]), ""):
+                unread = f"{folder / nameless}: numbers where the names of the columns should be; add a line of names"
+            raise BadInput(unread or f"{folder}: no file has columns that look like {words}; {REMEDY}")
+    robots = ("robot",) if runs else _robots(folder, parts)
+    entries.append(Entry("robots", list(robots), why or "their names in the names of the files", "likely"))
+    delimiter = files[0].delimiter
+    if delimiter != ",":
+        entries.append(Entry("delimiter", delimiter, "between the names in the first line"))
+    fixed = [name for part in parts if part.table in ("anchors", "landmarks") for name in _surveyed(part)]
+    tables: dict[str, DraftTable] = {}
+    for part in parts:
+        table = _draft_table(part, robots, fixed, runs, delimiter)
+        if isinstance(table, DraftTable):
+            tables.setdefault(repr(table.entries), table)
+        elif part.table in ("odometry", "truth"):
+            raise BadInput(f"{folder}: {table}; or {REMEDY}")
+        else:
+            unused.append(table)
+    columns = []
+    for file in files:
+        for g in file.guesses:
+            columns.append((file.name, g.column, (g.quantity or "not known") + f" [{g.unit}]" * bool(g.unit), g.reason))
+        if unknown := [g.column for g in file.guesses if g.column and not g.quantity and g.reason != PART]:
+            unused.append(f"{file.name}: columns {', '.join(unknown)}")
+    return Draft(tuple(entries), tuple(tables.values()), tuple(columns), tuple(unused), doubts), robots
+
+
 def _draft_table(
     part: TablePart, robots: tuple[str, ...], fixed: Sequence[str], runs: bool, delimiter: str
 ) -> DraftTable | str:
     """Return one table of log.toml; or why it cannot be used. `fixed` are names of places."""
-    table, files, columns, readings = part.table, part.file_names, part.columns, part.table in READINGS
+    table, files, columns = part.table, part.file_names, part.columns
     names = ", ".join(files)
     if table in ("anchors", "landmarks"):
         return DraftTable(table, (Entry("places", _surveyed(part), f"{files[0]} has names and places, and no stamps"),))
     pattern, named = file_pattern(files, robots)
     words = [*named, *part.names("robot"), *part.names("other")]
-    nodes = match_names((word for word in words if _clean_name(word) not in fixed), robots)
+    nodes = match_names([word for word in words if _clean_name(word) not in fixed], robots)
     if runs:
         file = Entry("file", f"{{run}}{Path(files[0]).suffix}", "a file for each run")
     elif any("{robot}" in g.column for g in columns.values()):
@@ -626,53 +591,37 @@ def _draft_table(
         file = Entry("file", files[0], "of the one robot")
     else:
         return f"{names}: looks like {table}, but does not say whose it is; add a column `robot`"
-    each = [g for g in part.files[0].guesses if g.quantity == table.removesuffix("s")] if readings else []
-    if readings and "other" not in columns and not any("{other}" in g.column for g in each):
-        return _draft_each(part, each, file, columns, robots, fixed)
     time = [columns[q] for q in STAMPS if q in columns]
-    stamps, why = [_column(guess) for guess in time], "; ".join(guess.reason for guess in time)
+    stamps = [_column(guess) for guess in time]
+    at = stamps if len(stamps) > 1 else stamps[0]
+    each = [g for g in part.files[0].guesses if g.quantity == table.removesuffix("s")] if table in READINGS else []
+    if table in READINGS and "other" not in columns and not any("{other}" in g.column for g in each):
+        found = _each_thing(table, each, [*robots, *fixed], robots)
+        if isinstance(found, str):
+            return f"{names}: {found}"
+        return DraftTable(table, (file, Entry("time", at, time[0].reason), found))
     entries = [Entry("kind", part.kind, "its columns")] if part.kind else []
     if part.files[0].delimiter != delimiter:
         entries.append(Entry("delimiter", part.files[0].delimiter, "between the fields of these files"))
-    entries += [file, Entry("time", stamps if len(stamps) > 1 else stamps[0], why)]
-    entries += [_entry(q, columns[q]) for q in columns if q not in STAMPS and (q != "other" or readings)]
+    entries += [file, Entry("time", at, "; ".join(guess.reason for guess in time))]
+    entries += [_entry(q, g) for q, g in columns.items() if q not in STAMPS and (q != "other" or table in READINGS)]
     if nodes:
         entries.append(Entry("nodes", nodes, "these words and the names of the robots are alike", "likely"))
     return DraftTable(table, tuple(entries))
 
 
-def _draft_each(
-    part: TablePart,
-    each: Sequence[Guess],
-    file: Entry,
-    columns: Mapping[str, Guess],
-    robots: Sequence[str],
-    fixed: Sequence[str],
-) -> DraftTable | str:
-    """Return a table of readings with a column for each thing measured; or what to write, if it has no name."""
-    table, columns_of = part.table, {name: g for g in each for name in (*robots, *fixed) if _ends_with(g.column, name)}
-    if table == "sightings" or len(columns_of) < len(each):
+def _each_thing(table: str, each: Sequence[Guess], things: Sequence[str], robots: Sequence[str]) -> Entry | str:
+    """Return the line for readings with a column for each thing measured; or what to write, if it has no name."""
+    columns = {name: g for g in each for name in things if _letters(g.column).endswith(_letters(name))}
+    if table == "sightings" or len(columns) < len(each):
         own = ", ".join(f'a{k} = "{g.column}"' for k, g in enumerate(each, 1))
         remedy = f"write [{table}] with each = {{ {own} }}, and [anchors] with places = {{ a1 = [X, Y], ... }}"
-        return f"{', '.join(part.file_names)}: {table} of things without a name; add a column `to`, or {remedy}"
-    time = [_column(columns[q]) for q in STAMPS if q in columns]
-    patterns = {g.column[: -len(name)] + "{other}": g for name, g in columns_of.items()}
-    found = Entry("each", {name: _column(g) for name, g in columns_of.items()}, "columns end with a name", "likely")
-    if len(patterns) == 1 and {*columns_of} <= {*robots}:
+        return f"{table} of things without a name; add a column `to`, or {remedy}"
+    patterns = {g.column[: -len(name)] + "{other}": g for name, g in columns.items()}
+    if len(patterns) == 1 and {*columns} <= {*robots}:
         pattern, guess = patterns.popitem()
-        found = _entry(table.removesuffix("s"), guess._replace(column=pattern))
-    return DraftTable(
-        table,
-        (
-            file,
-            Entry("time", time if len(time) > 1 else time[0], columns[next(q for q in STAMPS if q in columns)].reason),
-            found,
-        ),
-    )
-
-
-def _ends_with(column: str, name: str) -> bool:
-    return re.sub(r"[\W_]", "", column).lower().endswith(re.sub(r"[\W_]", "", name).lower())
+        return _entry(table.removesuffix("s"), guess._replace(column=pattern))
+    return Entry("each", {name: _column(g) for name, g in columns.items()}, "columns end with a name", "likely")
 
 
 def _surveyed(part: TablePart) -> dict[str, list[float]]:
@@ -686,27 +635,6 @@ def _surveyed(part: TablePart) -> dict[str, list[float]]:
         for name, a, b in zip(named, x, y, strict=True)
         if name and np.isfinite([a, b]).all()
     }
-
-
-def _clean_name(word: str) -> str:
-    """Return a name for a word in a file: blanks, and signs that a name cannot have, become _."""
-    return re.sub(r"[\s,/{}\[\]]", "_", word)
-
-
-def match_names(words: Iterable[str], robots: Sequence[str]) -> dict[str, str]:
-    """Return the robots that other words mean: the same but for capitals and signs, else with the same number."""
-    found: dict[str, str] = {}
-    strangers = [word for word in dict.fromkeys(words) if word not in robots]
-    forms: tuple[Callable[[str], str], ...] = (
-        lambda name: re.sub(r"[\W_]", "", name).lower(),
-        lambda name: (re.findall(r"\d+", name) or [""])[-1].lstrip("0"),
-    )
-    for form in forms:
-        for word in strangers:
-            alike = [r for r in robots if form(word) and form(r) == form(word) and r not in found.values()]
-            if word not in found and len(alike) == 1:
-                found[word] = alike[0]
-    return found
 
 
 def _entry(quantity: str, guess: Guess) -> Entry:
