@@ -29,7 +29,15 @@ from cooploc.scenarios.recordings.bag_storage import (
 )
 from cooploc.scenarios.recordings.schema import UNITS, TeamDescription
 from cooploc.scenarios.recordings.sqlite_recovery import recover
-from cooploc.scenarios.recordings.team_log import Measured, Series, TeamLog, build_log, order_series, reading_tables
+from cooploc.scenarios.recordings.team_log import (
+    Kind,
+    Measured,
+    Series,
+    TeamLog,
+    build_log,
+    order_series,
+    reading_tables,
+)
 from cooploc.scenarios.recordings.text_files import LARGEST
 
 LATEST = 2**62  # [ns] in the year 2116: later times of receipt are damaged
@@ -44,29 +52,25 @@ class Topic(NamedTuple):
     rows: list[list[Row]]  # of each message; empty unless the topic was asked for
 
 
-class Content(NamedTuple):
-    """The topics of the bags at a path."""
-
-    topics: dict[str, Topic]
-    warnings: tuple[str, ...]
+Content = tuple[dict[str, Topic], list[str]]  # topics by name, and warnings
 
 
 def read_content(path: Path, wanted: Collection[str] | None) -> Content:
     """Read all messages of the topics in `wanted`; or of all topics (None) only when they were received."""
-    parts = [part for bag in bag_paths(path) for part in _contents(bag, wanted)]
     topics: dict[str, Topic] = {}
-    for part in parts:
-        for name, found in part.topics.items():
-            known = topics.setdefault(name, Topic(found.type, [], [], []))
-            if known.type != found.type:
-                raise BadInput(f"{path}: topic {name} has type {known.type} in one bag and {found.type} in another")
-            known.received.extend(found.received)
-            known.stamps.extend(found.stamps)
-            known.rows.extend(found.rows)
-    return Content(topics, tuple(dict.fromkeys(w for part in parts for w in part.warnings)))
+    warnings: list[str] = []
+    for found, told in (part for bag in bag_paths(path) for part in _parts(bag, wanted)):
+        warnings += told
+        for name, topic in found.items():
+            known = topics.setdefault(name, Topic(topic.type, [], [], []))
+            if known.type != topic.type:
+                raise BadInput(f"{path}: topic {name} has type {known.type} in one bag and {topic.type} in another")
+            for mine, more in zip(known[1:], topic[1:], strict=True):
+                mine.extend(more)  # type: ignore[arg-type]
+    return topics, list(dict.fromkeys(warnings))
 
 
-def _contents(bag: Path, wanted: Collection[str] | None) -> list[Content]:
+def _parts(bag: Path, wanted: Collection[str] | None) -> list[Content]:
     """Read one bag; of a damaged one what can be recovered, and a warning for each file without any message."""
     try:
         for log in bag.parent.glob(f"{bag.name}-wal") if bag.is_file() else bag.glob("*-wal"):
@@ -76,17 +80,16 @@ def _contents(bag: Path, wanted: Collection[str] | None) -> list[Content]:
             return [_collect(whole, wanted)]
     except Exception as e:  # rosbags raises whatever its parsers raise on damaged files
         reason = " ".join(f"{e}".split()).replace(f"{bag}/", "").replace(f"{bag.parent}/", "")[:200] or type(e).__name__
-    found: list[Content] = []
-    lost: list[BadInput] = []
+    found, lost = list[Content](), list[str]()
     for file in storage_files(bag):
         try:
             recovered, warning = recover(file, reason)
-            found += [_collect(recovered, wanted), Content({}, (warning,))]
+            found += [_collect(recovered, wanted), ({}, [warning])]
         except BadInput as e:
-            lost.append(e)
+            lost.append(str(e))
     if not found:
-        raise lost[0]
-    return [*found, Content({}, tuple(str(e) for e in lost))]
+        raise BadInput(lost[0])
+    return [*found, ({}, lost)]
 
 
 def _collect(bag: Bag, wanted: Collection[str] | None) -> Content:
@@ -111,8 +114,7 @@ def _collect(bag: Bag, wanted: Collection[str] | None) -> Content:
         there, recorded = len(topics[name].received) + unreadable[name], bag.counts.get(name, 0)
         if there < recorded:
             raise BadInput(f"{name} has {there} messages where {recorded} were recorded")
-    left_out = (f"{name}: {n} messages cannot be read; they are left out" for name, n in unreadable.items() if n)
-    return Content(topics, tuple(left_out))
+    return topics, [f"{name}: {n} messages cannot be read; they are left out" for name, n in unreadable.items() if n]
 
 
 # ---- Topics as series of numbers
@@ -135,57 +137,76 @@ class TopicInfo(NamedTuple):
 class TopicSeries(NamedTuple):
     """The numbers of one topic."""
 
+    name: str
     type: str
     time: Array  # (m,) does not fall [s]
     values: Array  # (m, k)
     columns: tuple[str, ...]
     clock: str  # "header" or "receipt": whose stamps `time` are
-    warnings: tuple[str, ...]
+
+    def of(self, *names: str, table: str = "odometry") -> Array:
+        """Return columns (m, k) by name, for a table of log.toml."""
+        if not {*names} <= {*self.columns}:
+            there, lacking = ", ".join(self.columns), ", ".join(names)
+            raise BadInput(f"topic {self.name} has {there}, not {lacking}; correct the topic in [{table}] of log.toml")
+        return self.values[:, [self.columns.index(name) for name in names]]
 
 
-def topics(path: Path) -> tuple[list[TopicInfo], tuple[str, ...]]:
+def topics(path: Path) -> tuple[list[TopicInfo], list[str]]:
     """Return a summary of each topic of a bag, and warnings of what could not be read."""
-    content, found = read_content(path, None), []
-    for name, topic in sorted(content.topics.items()):
+    (content, warnings), found = read_content(path, None), []
+    for name, topic in sorted(content.items()):
         time = np.sort(topic.received) / 1e9
         first, last = (float(time[0]), float(time[-1])) if len(time) else (np.nan, np.nan)
         rate = (len(time) - 1) / (last - first) if last > first else np.nan
         columns = KINDS[topic.type].columns if topic.type in KINDS else ()
         found.append(TopicInfo(name, topic.type, len(time), first, last, rate, columns))
-    return found, content.warnings
+    return found, warnings
 
 
-def read_topics(
-    path: Path, names: Collection[str], all_there: bool = True
-) -> tuple[dict[str, TopicSeries], tuple[str, ...]]:
+def read_topics(path: Path, names: Collection[str], all_there: bool = True) -> tuple[dict[str, TopicSeries], list[str]]:
     """Read the numbers of topics, and warnings of what is wrong; without `all_there`, of the topics that exist."""
-    content = read_content(path, names)
-    for name in names if all_there else ():
-        if name not in content.topics:
-            raise BadInput(f"{path}: there is no topic {name!r}; {nearest(name, list(content.topics))}")
-    topics = {name: content.topics[name] for name in content.topics if name in names}
-    for name, topic in topics.items():
-        if topic.type not in KINDS:
-            known = ", ".join(KINDS)
-            raise BadInput(f"{path}: topic {name} has type {topic.type}, which is not read; types that are: {known}")
+    content, warnings = read_content(path, names)
+    if all_there and (lost := next((name for name in names if name not in content), None)):
+        raise BadInput(f"{path}: there is no topic {lost!r}; {nearest(lost, list(content))}")
     # How far [ns] headers are behind the recorder's clock, if one of the two was not set.
-    both = [list(zip(topic.stamps, topic.received, strict=True)) for topic in content.topics.values()]
-    behind = [np.median([received - own for own, received in pairs if own is not None])
-              for pairs in both if any(own is not None for own, _ in pairs)]  # fmt: skip
-    shift, warnings = int(np.median(behind)) if behind else 0, list(content.warnings)
+    behind = [
+        np.median(late)
+        for topic in content.values()
+        if (late := [at - own for own, at in zip(topic.stamps, topic.received, strict=False) if own is not None])
+    ]
+    shift = int(np.median(behind)) if behind else 0
     if abs(shift) <= MAX_STAMP_ERROR * 1e9:
         shift = 0
     else:
-        warnings.append(
-            f"header stamps are {shift / 1e9:.1f} s behind the recorder's clock; that was added to all of them"
-        )
-    series = {name: _series(name, topic, shift) for name, topic in topics.items()}
-    return series, (*warnings, *(warning for one in series.values() for warning in one.warnings))
+        told = f"header stamps are {shift / 1e9:.1f} s behind the recorder's clock; that was added to all of them"
+        warnings.append(told)
+    series = {name: _series(path, name, content[name], shift, warnings) for name in content if name in names}
+    return series, warnings
 
 
-def _series(name: str, topic: Topic, shift: int) -> TopicSeries:
-    """By rising time. Rows with a number that cannot be a measurement are left out."""
-    time, clock, warnings = _times(name, topic, shift)
+def _series(path: Path, name: str, topic: Topic, shift: int, warnings: list[str]) -> TopicSeries:
+    """By rising time. Rows with a number that cannot be a measurement are left out.
+
+    The times are the headers' where they are set and near the times of receipt, else those.
+    """
+    if topic.type not in KINDS:
+        known = ", ".join(KINDS)
+        raise BadInput(f"{path}: topic {name} has type {topic.type}, which is not read; types that are: {known}")
+    received, clock = np.array(topic.received, np.int64), "receipt"
+    time, is_set = received / 1e9, np.array([stamp is not None for stamp in topic.stamps], bool)
+    if is_set.any():
+        own = np.where(is_set, np.array([stamp or 0 for stamp in topic.stamps], np.int64) + shift, received)
+        error = np.abs(own - received) / 1e9
+        lost, usual = ~is_set | (error > MAX_STAMP_ERROR), np.median(error)
+        if usual > MAX_STAMP_ERROR:
+            warnings.append(f"{name}: header stamps are {usual:.0f} s from the times of receipt; the latter are used")
+        else:
+            time, clock = np.where(lost, received, own) / 1e9, "header"
+            if n := int(lost.sum()):
+                warnings.append(
+                    f"{name}: {n} messages without a header stamp to believe; their time of receipt is used"
+                )
     columns = KINDS[topic.type].columns
     time = np.repeat(time, [len(rows) for rows in topic.rows])
     values = np.array([row for rows in topic.rows for row in rows], float).reshape(-1, len(columns))
@@ -193,75 +214,9 @@ def _series(name: str, topic: Topic, shift: int) -> TopicSeries:
     bad = ~(np.abs(values) <= LARGEST) & ~(np.isnan(values) & (np.array(columns) == "heading [rad]"))
     good = ~bad.any(1)
     if not good.all():
-        warnings = (*warnings, f"{name}: {(~good).sum()} messages hold a number that is not finite; they are left out")
+        warnings.append(f"{name}: {(~good).sum()} messages hold a number that is not finite; they are left out")
     order = np.argsort(time[good], kind="stable")
-    return TopicSeries(topic.type, time[good][order], values[good][order], columns, clock, warnings)
-
-
-def _times(name: str, topic: Topic, shift: int) -> tuple[Array, str, tuple[str, ...]]:
-    """The times [s] to believe: the headers' where they are set and near the times of receipt, else those."""
-    received = np.array(topic.received, np.int64)
-    if all(stamp is None for stamp in topic.stamps):
-        return received / 1e9, "receipt", ()
-    set_ = np.array([stamp is not None for stamp in topic.stamps])
-    own = np.where(set_, np.array([stamp or 0 for stamp in topic.stamps], np.int64) + shift, received)
-    error = np.abs(own - received) / 1e9
-    if np.median(error) > MAX_STAMP_ERROR:
-        said = f"{name}: header stamps are {np.median(error):.0f} s from the times of receipt; the latter are used"
-        return received / 1e9, "receipt", (said,)
-    lost = ~set_ | (error > MAX_STAMP_ERROR)
-    said = f"{name}: {lost.sum()} messages without a header stamp to believe; their time of receipt is used"
-    return np.where(lost, received, own) / 1e9, "header", (said,) if lost.any() else ()
-
-
-# ---- The topics that a table of a description means, and their numbers in SI units
-
-
-def topics_of(source: schema.Source, robots: Sequence[str], others: Sequence[str]) -> Iterator[tuple[str, str, str]]:
-    """Yield (topic, robot, other) of all topics that a source may have; other is "" where the topic does not say."""
-    written: dict[str, list[str]] = {}
-    for word, name in source.nodes.items():
-        written.setdefault(name, []).append(word)
-    for robot in robots:
-        pattern = source.topics.get(robot, source.topic)
-        if pattern is None:
-            continue
-        if "{robot}" not in pattern and robot not in source.topics and len(robots) > 1:
-            raise BadInput(
-                f'topic {pattern} is of which robot? Write {{robot}} in it, or topics = {{ {robot} = "..." }}'
-            )
-        for other in others if "{other}" in pattern else ("",):
-            for a, b in product(written.get(robot, [robot]), written.get(other, [other])) if robot != other else ():
-                yield pattern.replace("{robot}", a).replace("{other}", b), robot, other
-
-
-def columns_of(topic: str, series: TopicSeries, names: Sequence[str], table: str) -> Array:
-    """Return columns of a topic by their names."""
-    if not set(names) <= set(series.columns):
-        raise BadInput(
-            f"topic {topic} has {', '.join(series.columns)}, not {', '.join(names)}; correct the topic in [{table}] of "
-            "log.toml"
-        )
-    return series.values[:, [series.columns.index(name) for name in names]]
-
-
-def values_of(topic: str, table: schema.ReadingColumns, series: TopicSeries) -> tuple[Array, Array]:
-    """Return times and values (m, k) of one topic of measurements."""
-    if isinstance(table, schema.SightingsTable):
-        x, y, z = columns_of(topic, series, ("x [m]", "y [m]", "z [m]"), "sightings").T
-        if series.type != "geometry_msgs/msg/PoseArray":
-            return series.time, np.stack([np.hypot(x, y), np.arctan2(y, x)], -1)
-        _, first, n = np.unique(series.time, return_index=True, return_counts=True)
-        alone = first[n == 1]
-        return series.time[alone], np.stack([np.hypot(x, z), np.arctan2(-x, z)], -1)[alone]
-    values = series.values[:, :1].copy()
-    if series.columns not in (("value",), ("range [m]",)):
-        raise BadInput(f"topic {topic} has {', '.join(series.columns)}, not one number; correct the topic in log.toml")
-    if isinstance(table, schema.RangesTable):
-        values *= UNITS["m"][table.unit]
-    elif isinstance(table, schema.RssiTable):
-        values[values >= table.missing_from] = np.nan
-    return series.time, values
+    return TopicSeries(name, topic.type, time[good][order], values[good][order], columns, clock)
 
 
 # ---- The recordings of a team
@@ -286,47 +241,76 @@ def find_runs(data: Path, description: TeamDescription) -> dict[str, Path]:
     return found
 
 
+def topics_of(source: schema.Source, robots: Sequence[str], others: Sequence[str]) -> Iterator[tuple[str, str, str]]:
+    """Yield (topic, robot, other) of all topics that a source may have; other is "" where the topic does not say."""
+    written: dict[str, list[str]] = {}
+    for word, name in source.nodes.items():
+        written.setdefault(name, []).append(word)
+    for robot in robots:
+        pattern = source.topics.get(robot, source.topic)
+        if pattern is None:
+            continue
+        if "{robot}" not in pattern and robot not in source.topics and len(robots) > 1:
+            raise BadInput(
+                f'topic {pattern} is of which robot? Write {{robot}} in it, or topics = {{ {robot} = "..." }}'
+            )
+        for other in others if "{other}" in pattern else ("",):
+            for a, b in product(written.get(robot, [robot]), written.get(other, [other])) if robot != other else ():
+                yield pattern.replace("{robot}", a).replace("{other}", b), robot, other
+
+
+def values_of(table: schema.ReadingColumns, series: TopicSeries) -> tuple[Array, Array]:
+    """Return times and values (m, k) of one topic of measurements."""
+    if isinstance(table, schema.SightingsTable):
+        x, y, z = series.of("x [m]", "y [m]", "z [m]", table="sightings").T
+        if series.type != "geometry_msgs/msg/PoseArray":
+            return series.time, np.stack([np.hypot(x, y), np.arctan2(y, x)], -1)
+        _, first, n = np.unique(series.time, return_index=True, return_counts=True)
+        alone = first[n == 1]
+        return series.time[alone], np.stack([np.hypot(x, z), np.arctan2(-x, z)], -1)[alone]
+    if series.columns not in (("value",), ("range [m]",)):
+        there = ", ".join(series.columns)
+        raise BadInput(f"topic {series.name} has {there}, not one number; correct the topic in log.toml")
+    values = series.values[:, :1].copy()
+    if isinstance(table, schema.RangesTable):
+        values *= UNITS["m"][table.unit]
+    elif isinstance(table, schema.RssiTable):
+        values[values >= table.missing_from] = np.nan
+    return series.time, values
+
+
 def read_run(place: Path, name: str, description: TeamDescription) -> TeamLog:
     """Read one run; BadInput where a topic is of another type than its table needs."""
     d = description
     moves, poses = d.odometry_and_truth
     if moves.kind not in ODOMETRY:
         raise BadInput(f"{place}: a bag has odometry of kind {' or '.join(ODOMETRY)}, not {moves.kind!r}; correct kind")
-    tables = [(kind, several, (*d.robots, *fixed.names)) for kind, several, fixed in reading_tables(d)]
+    of = [(kind, table, (*d.robots, *fixed.names)) for kind, tables, fixed in reading_tables(d) for table in tables]
     sources: list[tuple[schema.Source, Sequence[str]]] = [(moves, ()), (poses, ())]
-    sources += [(source, others) for _, several, others in tables for source in several]
+    sources += [(table, others) for _, table, others in of]
     wanted = {topic for source, others in sources for topic, _, _ in topics_of(source, d.robots, others)}
-    found, told = read_topics(place, wanted, all_there=False)
-    warnings = list(told)
-
-    def by_robot(table: schema.Source, columns: Sequence[str], named: str) -> dict[str, Series]:
-        ordered: dict[str, Series] = {}
+    found, warnings = read_topics(place, wanted, all_there=False)
+    series: dict[str, dict[str, Series]] = {"odometry": {}, "truth": {}}
+    for named, table, columns in (("odometry", moves, ODOMETRY[moves.kind]), ("truth", poses, ODOMETRY["pose"])):
         for topic, robot, _ in topics_of(table, d.robots, ()):
             if topic in found and len(found[topic].time):
-                if robot in ordered:
-                    both = f"{ordered[robot].source} and {topic}"
+                if robot in series[named]:
+                    both = f"{series[named][robot].source} and {topic}"
                     raise BadInput(f"robot {robot!r} has two topics in [{named}], {both}; choose")
-                values = columns_of(topic, found[topic], columns, named)
-                ordered[robot], notes = order_series(found[topic].time + table.clock_offset, values, topic)
-                warnings.extend(notes)
-        return ordered
-
-    def measurements(table: schema.ReadingColumns, others: Sequence[str]) -> list[Measured]:
-        """Without {other} in the topic, a robot measures its only teammate."""
-        measured = []
-        for topic, robot, other in topics_of(table, d.robots, others):
-            if topic not in found:
-                continue
+                values = found[topic].of(*columns, table=named)
+                series[named][robot], notes = order_series(found[topic].time + table.clock_offset, values, topic)
+                warnings += notes
+    readings: dict[Kind, list[Measured]] = {}
+    for kind, readings_table, others in of:
+        there = [each for each in topics_of(readings_table, d.robots, others) if each[0] in found]
+        for topic, robot, other in there:
             if not other and len(d.robots) != 2:
                 raise BadInput(f"topic {topic} does not say what was measured; write it with {{other}} in log.toml")
-            time, values = values_of(topic, table, found[topic])
-            mate, m = other or next(name for name in d.robots if name != robot), len(time)
-            measured.append(Measured(time + table.clock_offset, [robot] * m, [mate] * m, values, topic))
-        if not measured:
-            names = table.topic or ", ".join(table.topics.values())
+            time, values = values_of(readings_table, found[topic])
+            mate, m = other or next(name for name in d.robots if name != robot), len(time)  # its only teammate
+            measured = Measured(time + readings_table.clock_offset, [robot] * m, [mate] * m, values, topic)
+            readings.setdefault(kind, []).append(measured)
+        if not there:
+            names = readings_table.topic or ", ".join(readings_table.topics.values())
             warnings.append(f"{place}: none of the topics {names} is in the bag")
-        return measured
-
-    odometry, truth = by_robot(moves, ODOMETRY[moves.kind], "odometry"), by_robot(poses, ODOMETRY["pose"], "truth")
-    readings = {kind: [m for table in several for m in measurements(table, others)] for kind, several, others in tables}
-    return build_log(place, name, d, odometry, truth, readings, warnings)
+    return build_log(place, name, d, series["odometry"], series["truth"], readings, warnings)

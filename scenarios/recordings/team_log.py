@@ -229,7 +229,7 @@ def build_log(
         raise BadInput(f"{place}: no robot has a truth; correct [truth] of log.toml")
     readings: dict[Channel, ReadingSeries] = {}
     for kind, _, fixed in reading_tables(d):
-        channels, left_out = split_channels(kind, measured[kind], robots, fixed.names)
+        channels, left_out = split_channels(kind, measured.get(kind, []), robots, fixed.names)
         readings |= channels
         notes += left_out
     moved = tuple(odometry[robot] for robot in robots)
