@@ -65,8 +65,9 @@ def read_content(path: Path, wanted: Collection[str] | None) -> Content:
             known = topics.setdefault(name, Topic(topic.type, [], [], []))
             if known.type != topic.type:
                 raise BadInput(f"{path}: topic {name} has type {known.type} in one bag and {topic.type} in another")
-            for mine, more in zip(known[1:], topic[1:], strict=True):
-                mine.extend(more)  # type: ignore[arg-type]
+            known.received.extend(topic.received)
+            known.stamps.extend(topic.stamps)
+            known.rows.extend(topic.rows)
     return topics, list(dict.fromkeys(warnings))
 
 

@@ -588,9 +588,8 @@ def held_out_error(log: TeamLog, fitted: Sequence[FitPart], out: FitPart, how: F
     found: dict[str, list[Array]] = {}
     for one in link_residuals(log, [], out, models, how):
         found.setdefault(one.what, []).append(crps(one.residual, one.sigma))
-    if isinstance(models.motion, Displacement):
-        sigmas = {"displacement": models.motion.sigma}
-    else:
+    sigmas = {"displacement": models.motion.sigma} if isinstance(models.motion, Displacement) else {}
+    if isinstance(models.motion, Unicycle):
         sigmas = {"length": models.motion.sigma_v * how.tick, "turn": models.motion.sigma_omega * how.tick}
     for robot, scale in zip(log.robots, models.scales, strict=True):
         for track in tracks_of([out], robot, how):

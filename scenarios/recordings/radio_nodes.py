@@ -46,16 +46,24 @@ class Assignment(NamedTuple):
 
 def assign(ranges: Sequence[NodeRanges], carriers: Mapping[str, Series]) -> Assignment:
     """Return the node of each carrier: a robot, or marked furniture, with its true positions (x, y first) over time."""
-    nodes = sorted({name for one in ranges for name in (one.first, one.second)})
-    if len(nodes) < 2 or len(carriers) < 2:
-        raise BadInput(f"{len(nodes)} nodes and {len(carriers)} carriers; to tell which is where takes two of each")
-    assignments, costs = _search(_misfits(ranges, nodes, list(carriers.values())))
-    where = {i: int(k) for k, i in enumerate(assignments[0]) if i >= 0}  # carrier -> node
-    names = list(carriers)
-    found = {names[i]: nodes[k] for i, k in sorted(where.items())}
-    second = float(costs[1]) if len(costs) > 1 else np.nan
-    others = tuple(node for node in nodes if node not in found.values())
-    return Assignment(found, float(costs[0]), second, others)
+    nodes, names = sorted({name for one in ranges for name in (one.first, one.second)}), list(carriers)
+    if len(nodes) < 2 or len(names) < 2:
+        raise BadInput(f"{len(nodes)} nodes and {len(names)} carriers; to tell which is where takes two of each")
+    misfit, carried = _misfits(ranges, nodes, list(carriers.values())), min(len(nodes), len(names))
+    tried: list[tuple[tuple[int, ...], float]] = [((), 0.0)]  # the carrier of each node, -1 for none, and the cost [m]
+    for k in range(len(nodes)):
+        longer = []
+        for places, cost in tried:
+            before = [(m, place) for m, place in enumerate(places) if place >= 0]
+            if k - len(before) < len(nodes) - carried:
+                longer.append(((*places, -1), cost))
+            for i in set(range(len(names))) - {*places} if len(before) < carried else ():
+                longer.append(((*places, i), cost + float(sum(misfit[m, k, place, i] for m, place in before))))
+        tried = sorted(longer, key=lambda one: one[1])[:BEAM]
+    pairs = carried * (carried - 1) / 2
+    found = {names[i]: nodes[k] for i, k in sorted((i, k) for k, i in enumerate(tried[0][0]) if i >= 0)}
+    second = tried[1][1] / pairs if len(tried) > 1 else np.nan
+    return Assignment(found, tried[0][1] / pairs, second, tuple(node for node in nodes if node not in found.values()))
 
 
 def _misfits(ranges: Sequence[NodeRanges], nodes: Sequence[str], carriers: Sequence[Series]) -> Array:
@@ -75,21 +83,3 @@ def _misfits(ranges: Sequence[NodeRanges], nodes: Sequence[str], carriers: Seque
                 for k, m in ((a, b), (b, a)):
                     misfit[k, m, i, j] = misfit[k, m, j, i] = float(np.median(np.abs(error - bias)))
     return misfit
-
-
-def _search(cost: Array) -> tuple[Array, Array]:
-    """Return assignments (s, nodes), each a carrier or -1 (as few as can be), and their costs (s,) [m], best first."""
-    nodes, carriers = cost.shape[1:3]
-    carried = min(nodes, carriers)
-    found: list[tuple[tuple[int, ...], float]] = [((), 0.0)]
-    for k in range(nodes):
-        longer = []
-        for places, total in found:
-            so_far = [(m, place) for m, place in enumerate(places) if place >= 0]
-            if k - len(so_far) < nodes - carried:
-                longer.append(((*places, -1), total))
-            for i in set(range(carriers)) - set(places) if len(so_far) < carried else ():
-                longer.append(((*places, i), total + float(sum(cost[m, k, place, i] for m, place in so_far))))
-        found = sorted(longer, key=lambda one: one[1])[:BEAM]
-    pairs = carried * (carried - 1) / 2
-    return np.array([places for places, _ in found]), np.array([total for _, total in found]) / pairs

@@ -239,8 +239,7 @@ class TeamScenario(schema.Model):
         path = poses[None, 1:, :, : 3 if headed else 2].copy()
         valid: Mask = np.asarray(np.isfinite(path).all(-1))
         turns = None if log.odometry_kind == "displacement" else odometry[..., 1] * grid.dt[:, None]
-        where = [f"run {log.name!r}: robot {robot!r}" for robot in log.robots]
-        belief, source = start_belief(log.robots, where, self._prior, arena, poses, turns)
+        belief, source = start_belief(log.robots, log.name, self._prior, arena, poses, turns)
         stream = Stream(
             scenario=label,
             seed=seed,

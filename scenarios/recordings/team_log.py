@@ -94,9 +94,8 @@ def arena_around(fixed: Array) -> Array:
 
 def shift_stamps(log: TeamLog, by: float) -> TeamLog:
     """Return the recording with some seconds added to all stamps."""
-    odometry, truth = (
-        tuple(series and series._replace(time=series.time + by) for series in of) for of in (log.odometry, log.truth)
-    )
+    odometry = tuple(s._replace(time=s.time + by) for s in log.odometry)
+    truth = tuple(s and s._replace(time=s.time + by) for s in log.truth)
     readings = {channel: r._replace(time=r.time + by) for channel, r in log.readings.items()}
     return log._replace(odometry=odometry, truth=truth, readings=readings)
 

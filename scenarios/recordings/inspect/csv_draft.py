@@ -490,7 +490,7 @@ def _letters(name: str) -> str:
 
 
 def _last_number(name: str) -> str:
-    return (re.findall(r"\d+", name) or [""])[-1].lstrip("0")
+    return next(reversed(re.findall(r"\d+", name)), "").lstrip("0")
 
 
 def _clean_name(word: str) -> str:

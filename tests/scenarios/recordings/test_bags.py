@@ -22,13 +22,13 @@ def test_topics_have_types_counts_and_rates(bag):
     assert {info.messages for info in found} == {20}
     np.testing.assert_allclose([info.rate for info in found], RATE)
     assert [info.name for info in found if not info.columns] == ["/chatter"]
-    assert warnings == ()
+    assert warnings == []
 
 
 def test_values_and_header_stamps_equal_those_written(bag):
     path, written = bag
     series, warnings = read_topics(path, NUMBERS)
-    assert warnings == ()
+    assert warnings == []
     for topic in NUMBERS:
         time, rows = written[topic]
         np.testing.assert_allclose(series[topic].time, time, atol=1e-6)
