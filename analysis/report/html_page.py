@@ -8,14 +8,11 @@ import re
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import cache
-from importlib.resources import files
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import matplotlib as mpl
 import pandas as pd
-from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup, escape
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
@@ -30,20 +27,19 @@ from cooploc.analysis.metrics.compare import outlier_warnings
 from cooploc.analysis.metrics.crlb import floors
 from cooploc.analysis.metrics.statistics import LEAST_TRIALS
 from cooploc.analysis.plot import results, style
-from cooploc.analysis.report import page_texts, result_tables, sentences
+from cooploc.analysis.report import page_texts, result_tables, run_numbers, sentences
 from cooploc.analysis.report.claim_tables import claims_shown
 from cooploc.analysis.report.run_figures import DOTS, HOLLOW, RunFigure, draw_experiment
-from cooploc.analysis.report.run_numbers import (
-    FLOORED,
-    Labels,
-    Numbers,
-    group_by_sweep,
-    numbers_of,
-    rank_scenario,
-    rows_of_experiment,
-    trial_counts,
-)
-from cooploc.analysis.report.tables import Row, Table, TableColumn, csv_text, text_column
+from cooploc.analysis.report.run_numbers import Labels, Numbers
+from cooploc.analysis.report.tables import (
+    Row,
+    Table,
+    TableColumn,
+    csv_text,
+    fill_template,
+    read_template,
+    text_column,
+)  # fmt: skip
 from cooploc.estimators.registry import shorten_labels
 from cooploc.scenarios.studies.study import Study, stream_sentence
 
@@ -64,9 +60,9 @@ def write(
 ) -> Path:
     """Write the page and its tables, of these estimators and scenarios alone, into a directory; return its path."""
     kept = select(run, estimators, scenarios, baseline)
-    numbers = numbers_of(kept)
+    numbers = run_numbers.numbers_of(kept)
     table = numbers.table
-    lowest = floors(table["scenario"], kept.manifest["seed"], FLOORED, FLOOR_PATHS, FLOOR_TRIALS)
+    lowest = floors(table["scenario"], kept.manifest["seed"], run_numbers.FLOORED, FLOOR_PATHS, FLOOR_TRIALS)
     numbers = numbers._replace(table=table.assign(floor=table["scenario"].map(lowest)))
     context = content(numbers, ledger) | {"holds": holds(run, numbers)}
     texts: dict[str, str] = {}
@@ -82,12 +78,10 @@ def write(
 
 def render(context: dict[str, Any], body: str = "body.html.j2") -> str:
     """Return the page with the template of its body; everything that is not marked as safe is escaped."""
-    templates = environment()
     script, css = (Markup(read_template(name)) for name in ("page.js", "page.css"))  # our own files
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
-    filled = Markup(templates.get_template(body).render(**context))  # its parts are escaped by their templates
-    page = templates.get_template("page.html.j2")
-    return page.render(**context, style=css, body=filled, script=script, script_hash=digest)
+    filled = Markup(fill_template(body, html=html, **context))  # its parts are escaped by their templates
+    return fill_template("page.html.j2", **context, style=css, body=filled, script=script, script_hash=digest)
 
 
 # ------------------------------------------------------------------------------------------------ content
@@ -106,7 +100,8 @@ def content(numbers: Numbers, ledger: Ledger) -> dict[str, Any]:
     tables = [result_tables.best(found), consistency, *([claims["overview"], claims["table"]] if claims else [])]
     tables += [one for each in experiments for one in (*each["tables"], each["standings"])]
     missing = [f"{s}, {shorten_labels(e)}: {n} of the planned trials are missing" for (s, e), n in kept.gaps.items()]
-    marks = markers(numbers.looks, set(kept.rows.loc[kept.rows["centralised"].eq(True), "estimator"]))
+    central = set(kept.rows.loc[kept.rows["centralised"].eq(True), "estimator"])
+    marks = {name: marker(look, name in central) for name, look in numbers.looks.items()}
     names = kept.rows["estimator"].unique()
     of_problem = stream_sentence(Study(**study), manifest["streams"])
 
@@ -151,7 +146,7 @@ def holds(run: StoredRun, numbers: Numbers) -> str:
     every, shown = sizes(run), sizes(numbers.kept)
     some = f"Of the run's {every} this page shows {shown}" if shown != every else f"This run holds {every}"
     baselines = join_words(map(numbers.names.of, dict.fromkeys(numbers.table["baseline"])))
-    return f"{some}, {trial_counts(numbers.table)}; changes are against {baselines}."
+    return f"{some}, {run_numbers.trial_counts(numbers.table)}; changes are against {baselines}."
 
 
 def _versions(manifest: dict[str, Any]) -> Table:
@@ -171,30 +166,29 @@ def experiment(name: str, plan: dict[str, list[str]], numbers: Numbers, counter:
     Its sentences are its answer, where the report has several experiments, and what it says of sweeps.
     """
     table, results = numbers.table, numbers.results
-    part = rows_of_experiment(table, plan)
+    part = run_numbers.rows_of_experiment(table, plan)
     found = sentences.standings(part, results)
     plain = re.sub(r"[^A-Za-z0-9]+", "-", name).strip("-")[:60]
     anchor = "experiment-" + (plain if plain == name else f"{plain}-{hashlib.sha256(name.encode()).hexdigest()[:6]}")
     only = len(part) == len(table)
     texts = [] if only else [sentences.best_honest(found, part), sentences.over_confident_estimators(part)]
     changed: list[Table] = []
-    for (_, parameter), group in group_by_sweep(list(plan)).items():
+    for (_, parameter), group in run_numbers.group_by_sweep(list(plan)).items():
         if parameter:
             names = dict.fromkeys(part.loc[part["scenario"].isin(group), "estimator"])
             changes = sentences.changes_over_sweep(group, names, results)
             texts.append(sentences.sweep_sentence(group, changes, results.stopping))
             changed.append(result_tables.sweep_table(f"{anchor}-sweep{len(changed) + 1}", changes, parameter))
     again = only and part["scenario"].nunique() <= FEW  # the first figure of the page
-    single = [] if again else group_by_sweep(list(plan)).get(("", ""), [])
+    single = [] if again else run_numbers.group_by_sweep(list(plan)).get(("", ""), [])
     drawn = draw_experiment(part, single, numbers.names, numbers.looks, style.PAGE)
     test = "confidence sequences of the change" if numbers.kept.looks else "t test of the change"
     few = f" Below {LEAST_TRIALS} trials there are no intervals." * bool(part["trials"].min() < LEAST_TRIALS)
     about = (
-        f"{name}: {trial_counts(part)}, seed {numbers.kept.manifest['seed']}; {test} against "
+        f"{name}: {run_numbers.trial_counts(part)}, seed {numbers.kept.manifest['seed']}; {test} against "
         f"the baseline, Holm over the {int(table['p'].notna().sum())} comparisons of this report.{few}"
     )
-    ranks = {str(label): rank_scenario(rows, results) for label, rows in part.groupby("scenario", sort=False)}
-    every = result_tables.results(anchor, part, ranks, about)
+    every = result_tables.results(anchor, part, results, about)
     return {
         "name": name,
         "anchor": anchor,
@@ -242,7 +236,7 @@ def show(drawn: RunFigure, counter: Iterator[int]) -> dict[str, Any]:
     return {
         "anchor": f"figure-{number}",
         "svg": inline_svg(drawn.figure, number, drawn.caption.partition(". ")[0]),
-        "caption": f"{drawn.caption} {trial_counts(drawn.rows)}.",
+        "caption": f"{drawn.caption} {run_numbers.trial_counts(drawn.rows)}.",
         "scenario": scenarios[0] if len(scenarios) == 1 else "",
     }
 
@@ -287,13 +281,11 @@ class Wording(NamedTuple):
         return Markup("{}").format(column.text(row))
 
 
-def markers(looks: Mapping[str, style.Look], centralised: set[str]) -> dict[str, Markup]:
-    """Return the marker of each estimator, as in the figures; grey where it is centralised."""
+def marker(look: style.Look, centralised: bool) -> Markup:
+    """Return the marker of an estimator, as in the figures; grey where it is centralised."""
+    colour = to_hex(style.colour_of({"centralised": centralised}, look))
     mark = Markup('<span class="mark" aria-hidden="true" style="color: {}">{}</span>')
-    colours = {
-        name: to_hex(style.colour_of({"centralised": name in centralised}, look)) for name, look in looks.items()
-    }
-    return {name: mark.format(colours[name], SYMBOLS.get(look.marker, "●")) for name, look in looks.items()}
+    return mark.format(colour, SYMBOLS.get(look.marker, "●"))
 
 
 def html(table: Table, wording: Wording | None = None, group: str = "") -> Markup:
@@ -312,8 +304,8 @@ def html(table: Table, wording: Wording | None = None, group: str = "") -> Marku
             cells.append({"column": column, "below": []})
     grouped = itertools.groupby(table.rows, lambda row: row[group]) if group else [("", table.rows)]
     groups = [(key, list(rows)) for key, rows in grouped]
-    template = environment().get_template("table.html.j2")
-    return Markup(template.render(table=table, wording=wording or Wording(), group=group, cells=cells, groups=groups))
+    known = {"wording": wording or Wording(), "sort_value": sort_value}
+    return Markup(fill_template("table.html.j2", table=table, group=group, cells=cells, groups=groups, **known))
 
 
 def sort_value(value: Any) -> str | None:
@@ -321,19 +313,3 @@ def sort_value(value: Any) -> str | None:
     if isinstance(value, str) or value is None:
         return None
     return "" if value != value else f"{float(value):.6g}"
-
-
-@cache
-def environment() -> Environment:
-    """Return the templates of a page; everything in them that is not marked as safe is escaped."""
-    templates = Environment(
-        loader=FunctionLoader(read_template), autoescape=True, undefined=StrictUndefined, trim_blocks=True
-    )
-    templates.globals.update(html=html, count_of=count_of, sort_value=sort_value)
-    templates.policies["json.dumps_kwargs"] = {"sort_keys": True, "separators": (",", ":")}
-    return templates
-
-
-def read_template(name: str) -> str:
-    """Return a file of the page."""
-    return (files(__package__) / "page" / name).read_text(encoding="utf-8")

@@ -3,7 +3,6 @@
 import tomllib
 from collections.abc import Iterable
 from dataclasses import fields
-from importlib.resources import files
 from typing import Any
 
 import pandas as pd
@@ -14,6 +13,7 @@ from cooploc.analysis.metrics.consistency import OVER_CONFIDENT
 from cooploc.analysis.metrics.errors import SENSES
 from cooploc.analysis.report.result_tables import STOPPED
 from cooploc.analysis.report.run_numbers import FLOORED, Numbers, trial_counts
+from cooploc.analysis.report.tables import fill_template, read_template
 from cooploc.estimators import configure, make
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.listing import standing
@@ -31,9 +31,8 @@ def introduce_estimators(rows: pd.DataFrame) -> list[dict[str, Any]]:
     for label, anchor in anchors_of(rows["estimator"].unique()).items():
         method, _, given = label.partition("[")
         given = given.removesuffix("]").replace(",", ", ")
-        methods.setdefault(method, []).append(
-            {"label": label, "anchor": anchor, "given": given, "standing": standing(label)}
-        )
+        one = {"label": label, "anchor": anchor, "given": given, "standing": standing(label)}
+        methods.setdefault(method, []).append(one)
     return [_introduce(name, ones, rows) for name, ones in methods.items()]
 
 
@@ -68,39 +67,29 @@ def _known_readings(rows: pd.DataFrame) -> str:
 
 def methods(until_decided: bool) -> dict[str, str]:
     """Return terms and what they mean, in a run of a fixed number of trials or in one until decided."""
-    words = tomllib.loads((files(__package__) / "page" / "methods.toml").read_text("utf-8"))
+    words = tomllib.loads(read_template("methods.toml"))
     terms = {term: text.format(far=FAR, floored=FLOORED) for term, text in words["terms"].items()}
     return {**terms, **words["until_decided"], "Decided": STOPPED} if until_decided else terms
 
 
-TITLE = "cooploc: fair comparison of estimators for multi-robot cooperative localization"  # as in CITATION.cff
-FIXED = "with 95 % intervals of the relative change (jackknife on the logarithm) and their tests"
-UNTIL = "with confidence sequences of the relative change, which are valid however the run stops,"
-
-
 def bibtex(version: str, commit: str | None) -> str:
     """Return a BibTeX entry for cooploc in the version that ran."""
-    note = f"  note = {{commit {commit}}},\n" if commit else ""
-    author = "  author = {{cooploc maintainers}},"
-    return f"@software{{cooploc,\n{author}\n  title = {{{TITLE}}},\n  version = {{{version}}},\n{note}}}"
+    return fill_template("cooploc.bib.j2", version=version, commit=commit)
 
 
 def paragraph(numbers: Numbers) -> str:
     """Return the methods of a run, in sentences that a paper can use."""
     table, manifest = numbers.table, numbers.kept.manifest
-    estimators, scenarios = (count_of(table[what].nunique(), what) for what in ("estimator", "scenario"))
-    baselines = " or ".join(dict.fromkeys(table["baseline"]))
-    central = " Estimators at which all readings reach one computer are shown for reference and are not ranked."
-    return (
-        f"We compared {estimators} in {scenarios} with cooploc {manifest['versions']['cooploc']} "
-        f"({trial_counts(table)}, random seed {manifest['seed']}). In each trial all "
-        "estimators were given the same readings, initial positions and losses of packets; none had access to the "
-        f"truth, and a robot used only what it sensed and what it received.{central * bool(table['centralised'].any())}"
-        " The error of a trial is the mean "
-        "squared position error over its robots and ticks, and the RMSE is the root of the mean over trials. Trials "
-        f"are the unit of all intervals and tests: the RMSE was compared with that of the baseline ({baselines}), "
-        f"paired by trial, {UNTIL if numbers.kept.looks else FIXED} adjusted by Holm's method over "
-        f"{count_of(int(table['p'].notna().sum()), 'comparison')}. Consistency was judged by the average normalised "
-        "estimation error squared of the position (ANEES, 1 is consistent): an estimator is called over-confident "
-        f"where its 95 % interval lies above {OVER_CONFIDENT:g}, or too few true positions lie in its 95 % ellipses."
+    text = fill_template(
+        "paragraph.txt.j2",
+        estimators=count_of(table["estimator"].nunique(), "estimator"),
+        scenarios=count_of(table["scenario"].nunique(), "scenario"),
+        baselines=" or ".join(dict.fromkeys(table["baseline"])),
+        comparisons=count_of(int(table["p"].notna().sum()), "comparison"),
+        trials=trial_counts(table),
+        manifest=manifest,
+        centralised=table["centralised"].any(),
+        until_decided=bool(numbers.kept.looks),
+        over_confident=f"{OVER_CONFIDENT:g}",
     )
+    return text.replace("\n", " ").strip()

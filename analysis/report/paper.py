@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import pandas as pd
-from matplotlib.figure import Figure
 
 from cooploc.analysis.execution.run_directory import StoredRun
 from cooploc.analysis.formats import count_of
@@ -19,20 +18,10 @@ from cooploc.analysis.metrics.consistency import OVER_CONFIDENT
 from cooploc.analysis.metrics.crlb import floors
 from cooploc.analysis.metrics.curves import sweep
 from cooploc.analysis.plot import style
-from cooploc.analysis.report import result_tables, sentences
-from cooploc.analysis.report.run_figures import OTHERS, draw_experiment
-from cooploc.analysis.report.run_numbers import (
-    FLOORED,
-    Labels,
-    Numbers,
-    first_middle_last,
-    group_by_sweep,
-    numbers_of,
-    rank_scenario,
-    rows_of_experiment,
-    trial_counts,
-)
-from cooploc.analysis.report.tables import Row, Table, escape_latex
+from cooploc.analysis.report import result_tables, run_numbers, sentences
+from cooploc.analysis.report.run_figures import OTHERS, RunFigure, draw_experiment
+from cooploc.analysis.report.run_numbers import Labels, Numbers
+from cooploc.analysis.report.tables import Row, Table, escape_latex, fill_template
 from cooploc.estimators import BUILTIN
 from cooploc.estimators.errors import BadInput, nearest
 
@@ -47,7 +36,6 @@ class PaperPart(NamedTuple):
 
     name: str
     rows: pd.DataFrame
-    scenarios: list[str]
     drawn: list[str]  # scenarios that sweep nothing and are drawn
 
 
@@ -72,18 +60,18 @@ def write(
     for name in figures:
         if name not in KINDS:
             raise BadInput(f"a paper has no figure {name!r}; {nearest(name, list(KINDS))}")
-    numbers = numbers_of(kept)
+    numbers = run_numbers.numbers_of(kept)
     parts = _parts(numbers, every_scenario, everything)
     tables = {name: latex for part in parts for name, latex in _tables(part, numbers, columns).items()}
     for folder in ("figures", "tables"):
         (out / folder).mkdir(parents=True, exist_ok=True)
-    drawn = [one for part in parts for one in (_every_figure if everything else _print_figures)(part, numbers, figures)]
     included, paths = [], []
-    for name, width, figure, caption, rows in drawn:
-        legend = [f"{line}." for line in numbers.names.legend(dict.fromkeys(rows["estimator"]))]
+    drawn = [one for part in parts for one in _figures(part, numbers, figures, everything)]
+    for name, width, (figure, _, caption, rows) in drawn:
         files = [out / "figures" / f"{name}.{ending}" for ending in ("pdf", "svg")]
         style.save(figure, *files, rc=style.PAPER[1].rc)
         paths += files
+        legend = [f"{line}." for line in numbers.names.legend(dict.fromkeys(rows["estimator"]))]
         words = " ".join([_in_sentence(caption, rows, numbers), *legend])
         included.append(_float("figure", width, f"fig:{name}", words, rf"\includegraphics{{{name}}}", ""))
     used = pd.concat([part.rows for part in parts])
@@ -98,47 +86,42 @@ def write(
 
 def _parts(numbers: Numbers, every_scenario: bool, everything: bool) -> list[PaperPart]:
     """Return the experiments, or the first, with the scenarios that are drawn."""
-    kept, parts = numbers.kept, []
-    for name, plan in list(kept.experiments.items())[: None if everything else 1]:
-        single = group_by_sweep(list(plan)).get(("", ""), [])
-        drawn = single if every_scenario else first_middle_last(single)
-        shown = [label for label in plan if everything or label in drawn or label not in single]
-        rows = rows_of_experiment(numbers.table, {label: plan[label] for label in shown})
-        parts.append(PaperPart(name, rows, shown, drawn))
-    every = [label for part in parts for label in (*part.drawn, *(s for s in part.scenarios if sweep(s)[1]))]
-    floor = floors(every, kept.manifest["seed"], FLOORED)
-    return [part._replace(rows=part.rows.assign(floor=part.rows["scenario"].map(floor))) for part in parts]
+    parts = []
+    for name, plan in list(numbers.kept.experiments.items())[: None if everything else 1]:
+        single = run_numbers.group_by_sweep(list(plan)).get(("", ""), [])
+        drawn = single if every_scenario else run_numbers.first_middle_last(single)
+        shown = {s: names for s, names in plan.items() if everything or s in drawn or s not in single}
+        rows = run_numbers.rows_of_experiment(numbers.table, shown)
+        floored = [*drawn, *(label for label in shown if sweep(label)[1])]
+        lowest = floors(floored, numbers.kept.manifest["seed"], run_numbers.FLOORED)
+        parts.append(PaperPart(name, rows.assign(floor=rows["scenario"].map(lowest)), drawn))
+    return parts
 
 
-PaperFigure = tuple[str, int, Figure, str, pd.DataFrame]  # name, columns of the paper, figure, caption, its rows
+def _figures(
+    part: PaperPart, numbers: Numbers, kinds: Sequence[str], everything: bool
+) -> Iterator[tuple[str, int, RunFigure]]:
+    """Draw figures of an experiment, each with its name and the number of columns of the paper that it is wide.
 
-
-def _every_figure(part: PaperPart, numbers: Numbers, _: Sequence[str]) -> Iterator[PaperFigure]:
-    """Draw everything of an experiment, each in the width of one column and of two."""
-    looks = style.looks(part.rows["estimator"].unique())
-    for width, look in style.PAPER.items():
-        for figure, words, caption, rows in draw_experiment(part.rows, part.drawn, numbers.names, looks, look):
-            yield f"{file_name(part.name, *words)}-{width}col", width, figure, caption, rows
-
-
-def _print_figures(part: PaperPart, numbers: Numbers, kinds: Sequence[str]) -> Iterator[PaperFigure]:
-    """Draw errors in all scenarios or over a sweep, and in the last scenario errors against each cost, once each."""
+    They are `everything` in both widths; or else errors in all scenarios or over a sweep, and in the last scenario
+    errors against each cost, once each.
+    """
     looks, ended = style.looks(part.rows["estimator"].unique()), part.rows[part.rows["rmse"].notna()]
-    for kind in kinds if len(ended) else ():
-        last = ended[ended["scenario"] == ended["scenario"].iloc[-1]]
-        rows = ended if kind == "rmse" else last
-        several = kind == "rmse" and (rows["scenario"].nunique() > 1)
-        look = style.PAPER[1 + several]
-        chosen = draw_experiment(rows, part.drawn, numbers.names, looks, look, kind)
-        for figure, _, caption, shown in islice(chosen, 1):
-            yield kind, 1 + several, figure, caption, shown
+    for width, look in style.PAPER.items() if everything else ():
+        for drawn in draw_experiment(part.rows, part.drawn, numbers.names, looks, look):
+            yield f"{file_name(part.name, *drawn.words)}-{width}col", width, drawn
+    for kind in kinds if len(ended) and not everything else ():
+        rows = ended if kind == "rmse" else ended[ended["scenario"] == ended["scenario"].iloc[-1]]
+        width = 2 if rows["scenario"].nunique() > 1 else 1
+        chosen = draw_experiment(rows, part.drawn, numbers.names, looks, style.PAPER[width], kind)
+        yield from ((kind, width, drawn) for drawn in islice(chosen, 1))
 
 
 def _in_sentence(caption: str, rows: pd.DataFrame, numbers: Numbers) -> str:
     """Return a caption that stands alone: what is drawn, in what experiment, of how many trials."""
     study = numbers.kept.manifest["study"]
     about = str(study.get("about") or study["name"]).rstrip(".")
-    return f"{caption} {about}; {trial_counts(rows)}, paired, seed {numbers.kept.manifest['seed']}."
+    return f"{caption} {about}; {run_numbers.trial_counts(rows)}, paired, seed {numbers.kept.manifest['seed']}."
 
 
 # ------------------------------------------------------------------------------------------------ tables
@@ -165,9 +148,7 @@ NOTES = {
 
 def _tables(part: PaperPart, numbers: Numbers, columns: Sequence[str]) -> dict[str, str]:
     """Return the LaTeX of the tables of one experiment by name, each no longer than a page."""
-    by_scenario = part.rows.groupby("scenario", sort=False)
-    ranks = {str(s): rank_scenario(rows, numbers.results) for s, rows in by_scenario}
-    table = result_tables.results(file_name(part.name), part.rows, ranks, part.name)
+    table = result_tables.results(file_name(part.name), part.rows, numbers.results, part.name)
     heads, cells = _chosen_cells(table, columns)
     standings = sentences.standings(part.rows, numbers.results)
     best = {(one.scenario, name) for one in standings for name in (one.best, *one.equal, *one.tied)}
@@ -181,7 +162,7 @@ def _tables(part: PaperPart, numbers: Numbers, columns: Sequence[str]) -> dict[s
     for number, page in enumerate(pages, 1):
         rows = [table.rows[i] for i in page]
         name = table.name if len(pages) == 1 else f"{table.name}-{number}"
-        body = _tabular(rows, [cells[i] for i in page], heads, numbers.names, len(by_scenario) > 1)
+        body = _tabular(rows, [cells[i] for i in page], heads, numbers.names, part.rows["scenario"].nunique() > 1)
         count = len(dict.fromkeys(row["estimator"] for row in rows))
         heading = f"{', '.join(head.partition(' [')[0] for head in heads)} of {count_of(count, 'estimator')}."
         caption = _in_sentence(heading[:1].upper() + heading[1:], part.rows, numbers)
@@ -256,24 +237,13 @@ def _notes(rows: list[Row], chosen: Sequence[str], names: Labels) -> str:
 
 # ------------------------------------------------------------------------------------------------ LaTeX
 
-START = r"""\IfFileExists{IEEEtran.cls}{\documentclass[journal]{IEEEtran}}{%
-\documentclass[twocolumn]{article}\usepackage[letterpaper,textwidth=7.16in,textheight=9.4in,columnsep=0.16in]{geometry}}
-\usepackage[T1]{fontenc}
-\usepackage[utf8]{inputenc}
-\usepackage{textcomp,booktabs,graphicx}
-\graphicspath{{figures/}}
-\begin{document}"""
-END = r"""\nocite{*}
-\IfFileExists{IEEEtran.bst}{\bibliographystyle{IEEEtran}}{\bibliographystyle{plain}}
-\bibliography{estimators}
-\end{document}"""
 WAITING = 6  # floats, after which a page is begun; LaTeX keeps eighteen
 
 
 def document(title: str, floats: list[str]) -> str:
     """Return a two-column paper that includes every figure and table; each figure stands in its own size."""
     body = [one + "\n\\clearpage" * (number % WAITING == 0) for number, one in enumerate(floats, 1)]
-    return "\n".join([START, rf"\section*{{\raggedright {breakable(title)}}}", *body, END]) + "\n"
+    return fill_template("example.tex.j2", title=breakable(title), floats="\n".join(body))
 
 
 def _float(kind: str, width: int, label: str, caption: str, body: str, notes: str) -> str:

@@ -8,7 +8,7 @@ import tomllib
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from importlib.resources import files
 from itertools import groupby
 from typing import Any, NamedTuple
@@ -16,11 +16,13 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
+from cooploc.analysis.claims.trial_table import TrialTable
 from cooploc.analysis.formats import change, count, decimals, interval, metres, microseconds, p_value, percent, ratio
 from cooploc.analysis.metrics.consistency import COLLAPSED
 from cooploc.analysis.metrics.errors import NOTE
 from cooploc.analysis.metrics.ranking import disqualifications, is_refused, short_certificate
 from cooploc.analysis.metrics.statistics import Interval
+from cooploc.analysis.report.run_numbers import rank_scenario
 from cooploc.analysis.report.sentences import Standing, SweepChange, summary_sentence
 from cooploc.analysis.report.tables import Row, Table, TableColumn, number_column, text_column
 from cooploc.estimators import nearest
@@ -68,9 +70,7 @@ def decision(verdict: str, look: int, trials: int) -> str:
     return f"{verdict}{', stopped' * stopped} at n = {look}"
 
 
-def share(digits: int) -> Callable[[float], str]:
-    """Return a format of a share, with so many digits."""
-    return lambda value: percent(value, digits)
+WHOLE_PERCENT = partial(percent, digits=0)
 
 
 def _write_change(estimator: str, baseline: str, value: float, trial: float) -> str:
@@ -90,74 +90,47 @@ def _ends(name: str, form: Callable[[float], str], **layout: Any) -> TableColumn
 
 
 RMSE = number_column("RMSE [m]", "rmse", form=metres), _ends("rmse", metres, second_line=True)
-ANEES = (
-    number_column(
-        "ANEES", "anees", form=ratio, about="1 is consistent, more is over-confident; median: of the trials' ANEES"
-    ),
-    _ends("anees", ratio),
-)
+ANEES_MEANS = "1 is consistent, more is over-confident; median: of the trials' ANEES"
+ANEES = number_column("ANEES", "anees", form=ratio, about=ANEES_MEANS), _ends("anees", ratio)
 VERSUS = ("estimator", "baseline")
+WHO = ("estimator", "certificate", "consistency", "centralised", "bound", "offline", "failed", "rmse")
+BEHIND = ("consistency", "centralised", "bound", "offline", "failed", "baseline", "stream")  # a remark, in CSV
+VERSUS_MEANS = "change of RMSE on the same streams, with its interval; not comparable where one trial decides it"
+HOLM_MEANS = "the test that the interval inverts, adjusted by Holm over the whole study"
+NLL_MEANS = "negative log-likelihood of the true position; smaller is better"
+TRAFFIC_MEANS = "messages, bytes and µs are per robot and tick"
+RARE: dict[str, Any] = {"collapsed": True, "rare": True}
 RESULTS = (
     text_column("scenario", report_only=True),
     text_column("estimator"),
-    text_column(
-        "remark",
-        *("consistency", "centralised", "bound", "offline", "failed", "baseline", "stream"),
-        of=("estimator", "certificate", "consistency", "centralised", "bound", "offline", "failed", "rmse"),
-        form=remark,
-        second_line=True,
-    ),
+    text_column("remark", *BEHIND, of=WHO, form=remark, second_line=True),
     text_column("senses", second_line=True),
     text_column("checks", "certificate", form=short_certificate),
     *RMSE,
     number_column("median", "rmse_median", form=metres, collapsed=True, report_only=True),
-    number_column("outlying", form=share(0), collapsed=True, rare=True, about="trials above 5 times the median RMSE"),
-    _ends("outlying", share(0), report_only=True),
-    number_column("rank", form=lambda rank: decimals(rank, 1), report_only=True),
+    number_column("outlying", form=WHOLE_PERCENT, about="trials above 5 times the median RMSE", **RARE),
+    _ends("outlying", WHOLE_PERCENT, report_only=True),
+    number_column("rank", form=partial(decimals, digits=1), report_only=True),
     text_column("group", report_only=True),
     number_column(
-        "vs baseline",
-        "change",
-        of=(*VERSUS, "change", "decisive_trial"),
-        form=_write_change,
-        about="change of RMSE on the same streams, with its interval; not comparable where one trial decides it",
+        "vs baseline", "change", of=(*VERSUS, "change", "decisive_trial"), form=_write_change, about=VERSUS_MEANS
     ),
-    number_column(
-        "95 %",
-        *("change_low", "change_high"),
+    replace(
+        _ends("change", change, second_line=True),
         of=(*VERSUS, "change_low", "change_high", "decisive_trial"),
         form=_write_change_ends,
-        second_line=True,
     ),
-    number_column(
-        "p (Holm)",
-        "p_holm",
-        form=p_value,
-        priority=2,
-        about="the test that the interval inverts, adjusted by Holm over the whole study",
-    ),
+    number_column("p (Holm)", "p_holm", form=p_value, priority=2, about=HOLM_MEANS),
     ANEES[0],
     replace(ANEES[1], report_only=True),
     number_column("median", "anees_median", form=ratio, second_line=True, collapsed=True),
-    number_column(
-        "collapsed", form=share(0), priority=7, collapsed=True, rare=True, about="trials whose ANEES exceeds 100"
-    ),
-    _ends("collapsed", share(0), report_only=True),
-    number_column("in 95 %", "coverage95", form=share(0), priority=4),
-    number_column(
-        "NLL",
-        "nll",
-        form=ratio,
-        second_line=True,
-        priority=5,
-        collapsed=True,
-        about="negative log-likelihood of the true position; smaller is better",
-    ),
+    number_column("collapsed", form=WHOLE_PERCENT, priority=7, about="trials whose ANEES exceeds 100", **RARE),
+    _ends("collapsed", WHOLE_PERCENT, report_only=True),
+    number_column("in 95 %", "coverage95", form=WHOLE_PERCENT, priority=4),
+    number_column("NLL", "nll", form=ratio, second_line=True, priority=5, collapsed=True, about=NLL_MEANS),
     number_column("ellipse [m²]", "area95", form=ratio, collapsed=True, report_only=True),
-    number_column("diverged", form=share(1), priority=3, collapsed=True, rare=True),
-    number_column(
-        "messages", form=ratio, priority=6, collapsed=True, about="messages, bytes and µs are per robot and tick"
-    ),
+    number_column("diverged", form=partial(percent, digits=1), priority=3, **RARE),
+    number_column("messages", form=ratio, priority=6, collapsed=True, about=TRAFFIC_MEANS),
     number_column("bytes", form=count),
     number_column("µs", "seconds", form=microseconds, second_line=True),
     number_column("trials", second_line=True, priority=1, report_only=True),
@@ -211,7 +184,6 @@ def essential_columns(baselines: Iterable[str], until_decided: bool) -> tuple[Ta
 
 FLAGS = {flag: flag.replace("-", "_").replace(" ", "_") for flag in
          ("over-confident", "consistent", "conservative", "over-wide", "not shown", "not assessed")}  # fmt: skip
-Ranks = dict[str, tuple[dict[str, float], dict[str, str]]]  # scenario -> mean ranks, and letters, by estimator
 STUDY = "study"  # instead of a column by which rows are sorted: the order of the study
 
 
@@ -229,19 +201,18 @@ def lowest_that_qualifies(rows: Iterable[Row]) -> Row | None:
     return min((row for row in rows if not disqualifications(row)), key=lambda row: row["rmse"], default=None)
 
 
-def results(name: str, part: pd.DataFrame, ranks: Ranks, caption: str) -> Table:
+def results(name: str, part: pd.DataFrame, trials: TrialTable, caption: str) -> Table:
     """Return one row per (scenario, estimator) of `compare`, those of a scenario in order of error."""
     rows: list[Row] = sort_rows(part).to_dict("records")
     for scenario, same in groupby(rows, key=lambda row: row["scenario"]):
-        together, (mean, letters) = list(same), ranks[scenario]
+        together, (mean, letters) = list(same), rank_scenario(part[part["scenario"] == scenario], trials)
         chosen = lowest_that_qualifies(together)
         for row in together:
             row["rank"], row["group"] = mean.get(row["estimator"], np.nan), letters.get(row["estimator"], "")
             row |= {"status": row["certificate"].partition(":")[0], "best": "yes" * (row is chosen)}
     marks = {f"data-{key}": key for key in ("scenario", "estimator", "consistency", "baseline", "best")}
-    until_decided = "look" in part
-    empty = {"checks"} if not part["certificate"].any() else set()  # all are built in
-    empty |= {"rank"} if until_decided else set()  # rows stop at different numbers of trials
+    until_decided = "look" in part  # rows stop at different numbers of trials, and have no ranks
+    empty = ["checks"] * (not part["certificate"].any()) + ["rank"] * until_decided
     columns = tuple(c for c in result_columns(part["baseline"], until_decided) if c.head not in empty)
     return Table(name, caption, columns, rows, {**marks, "data-certificate": "status"})
 
@@ -294,7 +265,7 @@ def consistency(table: pd.DataFrame) -> Table:
         number_column("largest ANEES", "anees", form=ratio),
         number_column("its median", "anees_median", form=ratio),
         text_column("in", "scenario"),
-        number_column("most collapsed", "collapsed", form=share(0)),
+        number_column("most collapsed", "collapsed", form=WHOLE_PERCENT),
     )
     rows: list[Row] = []
     for name, part in table.groupby("estimator", sort=False):

@@ -5,16 +5,19 @@ Rows are mappings; a `TableColumn` says which values of a row it shows and how. 
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
+from importlib.resources import files
 from typing import Any
 
 import pandas as pd
+from jinja2 import Environment, FunctionLoader, StrictUndefined, select_autoescape
 from markupsafe import escape
 from rich.console import Console, ConsoleOptions, RenderResult
 from rich.measure import Measurement
 from rich.table import Table as RichTable
 from rich.text import Text
 
-from cooploc.analysis.formats import Format, interval
+from cooploc.analysis.formats import Format, count_of, interval
 from cooploc.estimators.registry import shorten_labels
 
 Row = dict[Any, Any]  # key -> value, as of `DataFrame.to_dict("records")`
@@ -153,6 +156,31 @@ class TerminalTable:
             texts = ([one.text(row) for one in cell] for cell in cells)
             out.add_row(*("\n".join([first, *filter(None, below)]) for first, *below in texts), style=style)
         return out
+
+
+# ------------------------------------------------------------------------------------------------ templates
+
+
+@cache
+def environment() -> Environment:
+    """Return the templates in `page`; in those of HTML everything that is not marked as safe is escaped."""
+    escaped = select_autoescape(("html.j2",))
+    templates = Environment(
+        loader=FunctionLoader(read_template), autoescape=escaped, undefined=StrictUndefined, trim_blocks=True
+    )
+    templates.globals.update(count_of=count_of)
+    templates.policies["json.dumps_kwargs"] = {"sort_keys": True, "separators": (",", ":")}
+    return templates
+
+
+def read_template(name: str) -> str:
+    """Return a file of `page`."""
+    return (files(__package__) / "page" / name).read_text(encoding="utf-8")
+
+
+def fill_template(name: str, **values: Any) -> str:
+    """Return the text of a template."""
+    return environment().get_template(name).render(**values)
 
 
 # ------------------------------------------------------------------------------------------------ files
