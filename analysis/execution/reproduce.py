@@ -40,9 +40,8 @@ def sample(run: StoredRun) -> list[dict[str, Any]]:
     for scenario, part in run.rows.groupby("scenario", sort=False):
         trials = np.unique(part["trial"])
         drawn = np.random.default_rng(list(hashlib.sha256(str(scenario).encode()).digest())).permutation(trials)[:EACH]
-        for (estimator, _), rows in part[part["trial"].isin(drawn)].groupby(["estimator", "trial"], sort=False):
-            named = {"scenario": scenario, "estimator": estimator, "trial": int(rows["trial"].iloc[0])}
-            out.append({**named, **_fingerprint(rows)})
+        for (estimator, trial), rows in part[part["trial"].isin(drawn)].groupby(["estimator", "trial"], sort=False):
+            out.append({"scenario": scenario, "estimator": estimator, "trial": int(str(trial)), **_fingerprint(rows)})
     return out
 
 
@@ -144,11 +143,13 @@ def _draw(embedded: list[dict[str, Any]], trials: int) -> dict[tuple[str, int], 
     groups: dict[tuple[str, int], list[dict[str, Any]]] = {}
     for one in embedded:
         groups.setdefault((one["scenario"], one["trial"]), []).append(one)
-    turn, ordered = Counter[str](), []
-    for key in groups:
+    turn = Counter[str]()
+
+    def order(key: tuple[str, int]) -> tuple[int, bytes]:
         turn[key[0]] += 1
-        ordered.append((turn[key[0]], hashlib.sha256(repr(key).encode()).digest(), key))
-    return {key: groups[key] for _, _, key in sorted(ordered)[:trials]}
+        return turn[key[0]], hashlib.sha256(repr(key).encode()).digest()
+
+    return {key: groups[key] for key in sorted(groups, key=order)[:trials]}
 
 
 def _compare(one: dict[str, Any], frame: pd.DataFrame) -> dict[str, Any]:

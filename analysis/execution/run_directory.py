@@ -189,9 +189,9 @@ class RunDir:
             frame.to_parquet(file, index=False)
             receipts.append(Receipt(_hash_of(file), seconds, failed))
             text = json.dumps(receipts[0]._asdict())
-            replace_file(self._receipt_path(key), lambda temporary: temporary.write_text(text, encoding="utf-8"))
+            replace_file(self._place(key, RECEIPTS), lambda temporary: temporary.write_text(text, encoding="utf-8"))
 
-        replace_file(self._part_path(key), write)
+        replace_file(self._place(key, PARTS), write)
         return receipts[0]
 
     def find(self, wanted: Mapping[Cell, int]) -> tuple[dict[PartKey, Receipt], list[PartKey]]:
@@ -219,7 +219,7 @@ class RunDir:
         return _join(self._table(key, intact[key].seconds, wanted[key[:2]]) for key in keys)
 
     def _table(self, key: PartKey, seconds: float, below: int) -> pa.Table:
-        with pq.ParquetFile(self._part_path(key)) as file:
+        with pq.ParquetFile(self._place(key, PARTS)) as file:
             part = file.read(use_threads=False)  # small: threads take longer to start
         for i, name in enumerate(part.column_names):
             kind = part[name].type
@@ -233,16 +233,14 @@ class RunDir:
     def _receipt(self, key: PartKey) -> Receipt | None:
         """Return the receipt of a part; None where the part is not what was written."""
         try:
-            receipt = Receipt(**json.loads(self._receipt_path(key).read_bytes()))
-            return receipt if _hash_of(self._part_path(key)) == receipt.sha256 else None
+            receipt = Receipt(**json.loads(self._place(key, RECEIPTS).read_bytes()))
+            return receipt if _hash_of(self._place(key, PARTS)) == receipt.sha256 else None
         except (OSError, ValueError, TypeError):
             return None
 
-    def _part_path(self, key: PartKey) -> Path:
-        return self.path / PARTS / f"{key.name}.parquet"
-
-    def _receipt_path(self, key: PartKey) -> Path:
-        return self.path / RECEIPTS / f"{key.name}.json"
+    def _place(self, key: PartKey, folder: str) -> Path:
+        """Return the file of a part, or that of its receipt."""
+        return self.path / folder / f"{key.name}{'.parquet' if folder == PARTS else '.json'}"
 
 
 def _join(parts: Iterable[pa.Table]) -> pd.DataFrame:
@@ -251,11 +249,9 @@ def _join(parts: Iterable[pa.Table]) -> pd.DataFrame:
     They stay pyarrow's until they are all there: frames of twelve thousand parts take minutes, and twice the memory.
     """
     remaining, concatenate = iter(parts), partial(pa.concat_tables, promote_options="permissive")
-    try:  # some at once, as a part's description takes more memory than its rows
-        joined = [
-            concatenate(some).replace_schema_metadata().combine_chunks()
-            for some in iter(lambda: list(islice(remaining, AT_ONCE)), [])
-        ]
+    some_at_once = iter(lambda: list(islice(remaining, AT_ONCE)), [])  # descriptions take more memory than rows
+    try:
+        joined = [concatenate(some).replace_schema_metadata().combine_chunks() for some in some_at_once]
         table = concatenate(joined).unify_dictionaries()
     except pa.ArrowException as e:
         reason = " ".join(str(e).split())[:200]
@@ -287,10 +283,8 @@ def _continue_manifest(folder: Path, found: dict[str, Any], asked: dict[str, Any
     for scenario, cell in asked["cells"].items():
         before = cells.get(scenario, {}).get("estimators", {})
         trials = {name: max(count, before.get(name, 0)) for name, count in cell["estimators"].items()}
-        kept = (
-            {"baseline": cells[scenario]["baseline"]} if scenario in cells else {}
-        )  # pages keep what they compare with
-        cells[scenario] = {**cell, **kept, "estimators": {**before, **trials}}
+        baseline = cells.get(scenario, cell)["baseline"]  # pages keep what they compare with
+        cells[scenario] = {**cell, "baseline": baseline, "estimators": {**before, **trials}}
     return {
         **asked,
         **{key: {**found[key], **asked[key]} for key in MUST_AGREE},
@@ -337,8 +331,9 @@ class StoredRun(NamedTuple):
 
         A scenario that several experiments share is in each of them, with the estimators that it has there.
         """
-        pairs = self.rows.drop_duplicates(["scenario", "estimator"])
-        there = {str(s): list(part["estimator"]) for s, part in pairs.groupby("scenario", sort=False)}
+        there = {
+            str(s): list(names) for s, names in self.rows.groupby("scenario", sort=False)["estimator"].unique().items()
+        }
         planned: dict[str, dict[str, list[str]]] = {}
         for cell in Study(**self.manifest["study"]).expand_blocks():
             planned.setdefault(cell.experiment, {}).setdefault(cell.scenario, []).extend(cell.estimators)
@@ -346,10 +341,9 @@ class StoredRun(NamedTuple):
             known = {name for plan in planned.values() for name in plan.get(scenario, ())}
             more = [name for name in there.get(scenario, ()) if name not in known]
             planned.setdefault(cell["experiment"], {}).setdefault(scenario, []).extend(more)
-        found = {}
-        for name, plan in planned.items():
-            mine = {s: [e for e in there.get(s, ()) if e in names] for s, names in plan.items()}
-            found[name] = {s: names for s, names in mine.items() if names}
+        for plan in planned.values():
+            plan |= {s: [name for name in there.get(s, ()) if name in names] for s, names in plan.items()}
+        found = {name: {s: names for s, names in plan.items() if names} for name, plan in planned.items()}
         return {name: plan for name, plan in found.items() if plan}
 
 
@@ -385,15 +379,14 @@ def select(
 
     """
     cells = run.manifest["cells"]
-    there = list(dict.fromkeys(name for cell in cells.values() for name in cell["estimators"]))
+    there = dict.fromkeys(name for cell in cells.values() for name in cell["estimators"])
     names = {shown: name for name in there for shown in (name, shorten_labels(name))}
-    asked = [*estimators, *([baseline] if baseline else [])]
-    for what, unknown, known in (
-        ("estimator", [one for one in asked if one not in names], list(dict.fromkeys(map(shorten_labels, there)))),
-        ("scenario", [one for one in scenarios if one not in cells], list(cells)),
-    ):
-        for one in unknown:
-            raise BadInput(f"this run has no {what} {one!r}; {nearest(one, known)}")
+    asked = [*estimators, *filter(None, [baseline])]
+    for what, wanted, known in (("estimator", asked, names), ("scenario", scenarios, cells)):
+        for one in wanted:
+            if one not in known:
+                near = nearest(one, list(dict.fromkeys(map(shorten_labels, known))))
+                raise BadInput(f"this run has no {what} {one!r}; {near}")
     only = {names[one] for one in asked} if estimators else set(there)
     chosen = {}
     for scenario, cell in cells.items():
@@ -405,11 +398,9 @@ def select(
     if moved and run.decisions is not None:
         raise BadInput("this run was decided against its own baseline: keep that, or run it without --until-decided")
 
-    def holds(scenario: str, estimator: str) -> bool:
-        return estimator in chosen.get(scenario, {"estimators": ()})["estimators"]
-
-    rows = run.rows[[holds(*cell) for cell in zip(run.rows["scenario"], run.rows["estimator"], strict=True)]]
-    gaps = {cell: missing for cell, missing in run.gaps.items() if holds(*cell)}
+    kept = {(scenario, name) for scenario, cell in chosen.items() for name in cell["estimators"]}
+    rows = run.rows[[cell in kept for cell in zip(run.rows["scenario"], run.rows["estimator"], strict=True)]]
+    gaps = {cell: missing for cell, missing in run.gaps.items() if cell in kept}
     return run._replace(manifest={**run.manifest, "cells": chosen}, rows=rows, gaps=gaps)
 
 
