@@ -62,22 +62,20 @@ def fingerprint(folder: Path) -> str:
     return _hash((file.name, file) for file in sorted(folder.iterdir()) if file.is_file())
 
 
-def files(estimators: Iterable[ConfiguredEstimator], scenarios: Iterable[ResolvedScenario] = ()) -> dict[str, str]:
-    """Return a hash of the source of each plug-in with its artifacts: its file with its helpers, or its package."""
-    found = {}
+def plugins(
+    estimators: Iterable[ConfiguredEstimator], scenarios: Iterable[ResolvedScenario] = ()
+) -> tuple[dict[str, str], dict[str, dict[str, str]]]:
+    """Return what plug-ins are made of, by their file or name: a hash of the source, and versions of what it imports.
+
+    The source is a file with its helpers, or a package; with the artifacts that it names.
+    """
+    hashes, imported = {}, {}
     for name, sources in _sources(estimators, scenarios).items():
         both = [*sources, *artifacts_of(path for _, path in sources if path.suffix == ".py")]
         alone = name.endswith(".py") and len(both) == 1
-        found[name] = hashlib.sha256(both[0][1].read_bytes()).hexdigest() if alone else _hash(both)
-    return found
-
-
-def imports(
-    estimators: Iterable[ConfiguredEstimator], scenarios: Iterable[ResolvedScenario] = ()
-) -> dict[str, dict[str, str]]:
-    """Return the versions of the distributions that each plug-in imports, by the plug-in's file or name."""
-    sources = _sources(estimators, scenarios).items()
-    return {name: distributions(file for _, file in found) for name, found in sources}
+        hashes[name] = hashlib.sha256(both[0][1].read_bytes()).hexdigest() if alone else _hash(both)
+        imported[name] = distributions(file for _, file in sources)
+    return hashes, imported
 
 
 def _sources(

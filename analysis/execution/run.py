@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, Protocol
 import pandas as pd
 
 from cooploc.analysis.execution.certificates import add_certificates, check_plugins
-from cooploc.analysis.execution.provenance import files, fingerprint, imports, provenance
+from cooploc.analysis.execution.provenance import fingerprint, plugins, provenance
 from cooploc.analysis.execution.run_directory import DECISIONS, FORMAT, Cell, PartKey, Receipt, RunDir, write_json
 from cooploc.analysis.execution.workers import Compute, Task, make_workers
 from cooploc.analysis.formats import count_of, duration
@@ -130,6 +130,7 @@ def execute(
 def make_manifest(asked: ResolvedStudy, isolate: bool) -> dict[str, Any]:
     """Return what a run directory says of a study before anything is computed."""
     scenarios = [cell.scenario for cell in asked.cells]
+    files, imports = plugins(asked.estimators, scenarios)
     return {
         "format": FORMAT,
         "study": asked.study.model_dump(mode="json"),
@@ -141,8 +142,8 @@ def make_manifest(asked: ResolvedStudy, isolate: bool) -> dict[str, Any]:
         "data": None if asked.data is None else fingerprint(Path(asked.data)),
         "scenarios": {one.label: one.settings for one in scenarios},
         "recordings": {one.label: lines for one in scenarios if (lines := one.explanations())},
-        "files": files(asked.estimators, scenarios),
-        "imports": imports(asked.estimators, scenarios),
+        "files": files,
+        "imports": imports,
         "certificates": {},
         "streams": {},
         "isolated": isolate,

@@ -209,13 +209,7 @@ def _decide_at_look(found: Decision, base: Array, mine: Array) -> Decision:
     both = ~np.isnan(base) & ~np.isnan(mine)
     a, b = base[both], mine[both]
     change = _change(a, b)
-    signs = {
-        "better": change.high < 0,
-        "worse": change.low > 0,
-        "tie": _is_tie(change),
-        OPEN: True,
-    }
-    verdict = next(name for name, holds in signs.items() if holds)
+    verdict = "better" if change.high < 0 else "worse" if change.low > 0 else "tie" if _is_tie(change) else OPEN
     favoured = {"better": (mine,), "worse": (base,), "tie": (base, mine)}.get(verdict, ())
     if any(np.isnan(one).any() for one in favoured):
         verdict = FAILED

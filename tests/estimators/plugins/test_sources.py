@@ -3,7 +3,7 @@
 import sys
 from importlib.metadata import version
 
-from cooploc.analysis.execution.provenance import files, imports
+from cooploc.analysis.execution.provenance import plugins
 from cooploc.estimators import configure
 from cooploc.estimators.plugin_files import files_of_module, neighbours_of
 
@@ -21,11 +21,11 @@ def test_helpers_in_a_files_folder_are_found_and_those_of_helpers_and_all_their_
     found = [name for name, _ in neighbours_of(tmp_path / "mine.py")]
     assert found == ["one.py", "pack/__init__.py", "pack/deep.py", "two.py"]
     asked = [configure(f"{tmp_path}/mine.py:Mine")]
-    assert list(imports(asked).values()) == [{"filterpy": version("filterpy"), "numpy": version("numpy")}]
-    before = files(asked)
-    assert files(asked) == before
+    assert list(plugins(asked)[1].values()) == [{"filterpy": version("filterpy"), "numpy": version("numpy")}]
+    before = plugins(asked)[0]
+    assert plugins(asked)[0] == before
     write(tmp_path, two="x = 2")
-    assert files(asked) != before
+    assert plugins(asked)[0] != before
 
 
 def test_a_package_is_found_without_being_imported(tmp_path, monkeypatch):
