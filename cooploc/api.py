@@ -28,13 +28,12 @@ from cooploc.analysis.metrics.compare import compare
 from cooploc.analysis.metrics.errors import errors
 from cooploc.analysis.metrics.sequential import (
     ANYTIME,
-    FIXED,
     PILOT,
     add_decisions,
     trials_to_exclude,
     trials_until_decided,
 )
-from cooploc.analysis.metrics.statistics import Interval
+from cooploc.analysis.metrics.statistics import FIXED, Interval
 from cooploc.analysis.report import board as boards
 from cooploc.analysis.report import html_page, run_diff
 from cooploc.analysis.report.paper import DEFAULT, EXAMPLE, FIGURES, write

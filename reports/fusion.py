@@ -15,7 +15,7 @@ import cooploc as cl
 from cooploc.analysis.execution.run_directory import read_run
 from cooploc.analysis.formats import change, count, metres, percent, ratio
 from cooploc.analysis.metrics.consistency import OVER_CONFIDENT
-from cooploc.analysis.metrics.statistics import mean_of_positive
+from cooploc.analysis.metrics.statistics import FIXED
 from cooploc.analysis.plot import style
 from cooploc.analysis.plot.results import frontier
 from cooploc.analysis.report.tables import Table, interval_column, number_column, text_column
@@ -79,7 +79,7 @@ def over_pieces(data: Path) -> pd.DataFrame:
     table = cl.compare(errors, baseline=BASELINE, full=True)
     pose = errors.groupby(["scenario", "estimator", "trial"], sort=False)["pose_nees"].mean().dropna()
     names = ["pose_nees", "pose_nees_low", "pose_nees_high"]
-    ends = {key: mean_of_positive(one.to_numpy(float)) for key, one in pose.groupby(["scenario", "estimator"])}
+    ends = {key: FIXED.mean_of_positive(one.to_numpy(float)) for key, one in pose.groupby(["scenario", "estimator"])}
     return table.join(pd.DataFrame(ends, index=names).T, on=["scenario", "estimator"])
 
 

@@ -131,7 +131,7 @@ class StudyRun:
         a, b = both.to_numpy(float).T
         decisive = statistics.decisive_trial(a, b)
         trial = "" if decisive is None else f"not comparable: trial {both.index[decisive]} decides"
-        return Number(*statistics.change(a, b), instead=trial)
+        return Number(*statistics.FIXED.change(a, b), instead=trial)
 
     def _rows(self, estimator: str, scenario: str) -> pd.DataFrame:
         folder = self.stored.folder

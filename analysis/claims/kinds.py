@@ -22,8 +22,8 @@ from cooploc.analysis.claims.trial_table import Missing, TrialTable
 from cooploc.analysis.metrics import statistics
 from cooploc.analysis.metrics.consistency import LEAST_COVERAGE, OVER_CONFIDENT
 from cooploc.analysis.metrics.curves import sweep
-from cooploc.analysis.metrics.sequential import FIXED, Stopping, trials_to_exclude
-from cooploc.analysis.metrics.statistics import Interval
+from cooploc.analysis.metrics.sequential import trials_to_exclude
+from cooploc.analysis.metrics.statistics import FIXED, Interval, Stopping
 from cooploc.estimators import nearest
 from cooploc.estimators.interface import Array
 

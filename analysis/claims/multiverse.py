@@ -22,7 +22,7 @@ from cooploc.analysis.claims.trial_table import Missing, TrialTable, collect
 from cooploc.analysis.claims.verdicts import COLUMNS, DECIDED, JUDGED, judge_case, tally
 from cooploc.analysis.metrics import statistics
 from cooploc.analysis.metrics.errors import demand_same_streams
-from cooploc.analysis.metrics.sequential import FIXED, Stopping
+from cooploc.analysis.metrics.statistics import FIXED, Stopping
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.registry import parse
 

@@ -13,7 +13,7 @@ import pandas as pd
 from cooploc.analysis.metrics.curves import sweep
 from cooploc.analysis.metrics.errors import TRIAL, drop_failed, trial_means
 from cooploc.analysis.metrics.ranking import is_refused
-from cooploc.analysis.metrics.sequential import FIXED, Stopping
+from cooploc.analysis.metrics.statistics import FIXED, Stopping
 from cooploc.estimators import nearest, parse
 from cooploc.estimators.building import RENAMED
 from cooploc.estimators.interface import Array

@@ -28,7 +28,8 @@ from cooploc.analysis.metrics import statistics
 from cooploc.analysis.metrics.compare import FAR, mark_outliers
 from cooploc.analysis.metrics.consistency import flag
 from cooploc.analysis.metrics.errors import demand_same_streams
-from cooploc.analysis.metrics.sequential import ANYTIME, FIXED, Stopping
+from cooploc.analysis.metrics.sequential import ANYTIME
+from cooploc.analysis.metrics.statistics import FIXED, Stopping
 
 VERDICTS = ("supported", "direction only", "flat", "contradicted", "undecided", "not run")
 DECIDED, JUDGED = VERDICTS[:4], VERDICTS[:5]
@@ -173,7 +174,7 @@ def _about_estimators(case: Case, table: TrialTable) -> list[str]:
         flags = []
         for key in keys:
             anees, coverage = table.anees(key), table.values("coverage95", key)[:, 0]
-            flags.append(flag(len(anees), statistics.mean_of_positive(anees), statistics.mean(coverage)))
+            flags.append(flag(len(anees), FIXED.mean_of_positive(anees), FIXED.mean(coverage)))
         counts = {word: flags.count(word) for word in ("over-confident", "over-wide", "conservative")}
         out += [f"{name} {word}" + (len(keys) > 1) * f" in {k} of {len(keys)}" for word, k in counts.items() if k]
         failed = sum(table.count_failures(key) for key in keys)

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from cooploc.analysis.formats import interval, metres, percent
-from cooploc.analysis.metrics import sequential, statistics
+from cooploc.analysis.metrics import statistics
 from cooploc.analysis.metrics.consistency import COLLAPSED, consistency
 from cooploc.analysis.metrics.errors import (
     CELL,
@@ -23,7 +23,7 @@ from cooploc.analysis.metrics.errors import (
     stream_hash,
     trial_means,
 )
-from cooploc.analysis.metrics.statistics import Interval
+from cooploc.analysis.metrics.statistics import FIXED, Interval
 from cooploc.estimators import nearest
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array
@@ -72,7 +72,7 @@ def _robot_mean(column: str) -> Callable[[CellRows], float]:
 STATISTICS = {
     "rmse": Statistic(
         "square root of the mean over trials of the trial's mean squared position error",
-        lambda cell: Interval(*np.sqrt(statistics.mean_of_positive(cell.trials["mse"].to_numpy(float)))), "m",
+        lambda cell: Interval(*np.sqrt(FIXED.mean_of_positive(cell.trials["mse"].to_numpy(float)))), "m",
     ),
     "rmse_median": Statistic(
         "median over trials of the trial's RMSE", lambda cell: np.sqrt(cell.trials["mse"]).median(), "m", short=True
@@ -83,7 +83,7 @@ STATISTICS = {
     ),
     "anees": Statistic(
         "position NEES / 2, per trial first, then over trials; 1 is consistent",
-        lambda cell: statistics.mean_of_positive(cell.trials["anees"].to_numpy(float)), short=True,
+        lambda cell: FIXED.mean_of_positive(cell.trials["anees"].to_numpy(float)), short=True,
     ),
     "anees_median": Statistic(
         "median over trials of the trial's ANEES", lambda cell: cell.trials["anees"].median(), short=True
@@ -171,7 +171,7 @@ def compare(errors: pd.DataFrame, baseline: str | Mapping[str, str], full: bool 
     columns of `summarize` that are read most, and these.
 
     Columns:
-        change: RMSE / the baseline's RMSE - 1, with its interval (`statistics.change`); -0.2 is an error 20 % smaller
+        change: RMSE / the baseline's RMSE - 1, with its interval (`FIXED.change`); -0.2 is an error 20 % smaller
         p_holm: p of the test of `change`, adjusted by Holm over all rows of the table
         consistency: as of `consistency.flag`: over-confident, consistent, conservative, over-wide, ...
         centralised: True for an estimator whose readings all reach one computer
@@ -246,17 +246,17 @@ def _against(
     base = cells[scenario, baseline]["mse"] if (scenario, baseline) in cells else pd.Series(dtype=float)
     both = pd.concat([base, cells[cell]["mse"]], axis=1, join="inner", keys=["base", "mine"]).dropna()
     a, b = both["base"].to_numpy(), both["mine"].to_numpy()
-    change, n = statistics.change(a, b), len(both)
+    change, n = FIXED.change(a, b), len(both)
     other = estimator != baseline
     tested = other and n >= statistics.LEAST_TRIALS
     decisive = statistics.decisive_trial(a, b)
     lost = failed.get((scenario, baseline), False), failed[cell]
-    p = sequential.FIXED.p_of_difference(a, b) if tested else np.nan
+    p = FIXED.p_of_difference(a, b) if tested else np.nan
     p_equal = statistics.equivalence(a, b) if tested else np.nan
     return {
         "baseline": baseline,
         "pairs": n,
-        **statistics.mean(np.sqrt(b) - np.sqrt(a)).columns("difference"),
+        **FIXED.mean(np.sqrt(b) - np.sqrt(a)).columns("difference"),
         **change.columns("change"),
         "decisive_trial": both.index[decisive] if decisive is not None and other else np.nan,
         "p": 1.0 if p == p and lost[int(change.value < 0)] else p,

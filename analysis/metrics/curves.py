@@ -8,7 +8,7 @@ import pandas as pd
 
 from cooploc.analysis.metrics.consistency import band
 from cooploc.analysis.metrics.errors import position_errors
-from cooploc.analysis.metrics.statistics import Interval, mean_of_positive
+from cooploc.analysis.metrics.statistics import FIXED, Interval
 from cooploc.estimators import parse
 from cooploc.scenarios.runner.run import Run
 from cooploc.scenarios.stream import Truth
@@ -25,9 +25,9 @@ def over_time(truth: Truth, run: Run) -> pd.DataFrame:
         d2, nees = position_errors(truth, run, trace)
         for k in range(d2.shape[1]):
             mse, anees = (np.nanmean(a[~np.isnan(a).all(1)], axis=1) for a in (d2[:, k], nees[:, k] / 2))
-            rmse = Interval(*np.sqrt(mean_of_positive(mse)))
+            rmse = Interval(*np.sqrt(FIXED.mean_of_positive(mse)))
             row = {"scenario": run.scenario, "estimator": name, "tick": k, **rmse.columns("rmse")}
-            row |= mean_of_positive(anees).columns("anees")
+            row |= FIXED.mean_of_positive(anees).columns("anees")
             rows.append(row | dict(zip(("band_low", "band_high"), band(len(anees), 2), strict=True)))
     return pd.DataFrame(rows)
 

@@ -14,7 +14,7 @@ import pandas as pd
 from cooploc.analysis.metrics import statistics
 from cooploc.analysis.metrics.consistency import DOUBTFUL
 from cooploc.analysis.metrics.errors import TRAINED
-from cooploc.analysis.metrics.sequential import FIXED, Stopping
+from cooploc.analysis.metrics.statistics import FIXED, Stopping
 from cooploc.estimators.interface import Array, Mask
 from cooploc.estimators.registry import shorten_labels
 

@@ -17,16 +17,15 @@ I. Waudby-Smith et al., "Time-uniform central limit theory and asymptotic confid
 52, 2024.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 from scipy import stats
 
-from cooploc.analysis.metrics import statistics
 from cooploc.analysis.metrics.errors import CELL, trial_means
-from cooploc.analysis.metrics.statistics import HALVES, LEAST_TRIALS, MARGIN, Interval, Z, holm, quantile
+from cooploc.analysis.metrics.statistics import LEAST_TRIALS, MARGIN, Interval, Stopping, Z, holm, quantile
 from cooploc.estimators.interface import Array
 
 C2 = 4.0  # c^2: an effect of half a standard deviation is expected; b is smallest near 70 trials
@@ -44,14 +43,14 @@ def boundary(n: float) -> float:
     return float(np.sqrt((n - 1) * (K - 1) / bounded)) if bounded > 0 else np.nan
 
 
-def e_value(t: float, n: int) -> float:
+def e_value(t: float, n: float) -> float:
     """Return the evidence e(n) of a t statistic against a mean of 0; its inverse is a p-value at any stopping."""
     R = explained_share(t, n)
     log = 0.5 * np.log(C2 / (n + C2)) - n / 2 * np.log1p(-R * n / (n + C2))
     return float(np.exp(np.minimum(log, LARGEST)))
 
 
-def one_sided_e_value(t: float, n: int) -> float:
+def one_sided_e_value(t: float, n: float) -> float:
     """Return the evidence against a mean of at most 0, 2 e(n) P(effect > 0 | d): the posterior is t, n degrees."""
     R = explained_share(t, n)
     S = np.sign(t) * np.sqrt(R * n)  # sum of d, over the root of the sum of d^2; nan where there is no sequence
@@ -59,32 +58,14 @@ def one_sided_e_value(t: float, n: int) -> float:
     return float(2 * positive * e_value(t, n))
 
 
-def explained_share(t: float, n: int) -> float:
+def explained_share(t: float, n: float) -> float:
     """Return R, the share of the sum of d^2 that the mean explains: 1 where d has no spread, nan without a t."""
     return 1.0 if np.isinf(t) else t * t / (n - 1 + t * t)
 
 
-# ---- two ways to judge a run: its number of trials was fixed before, or it may have stopped at any look
+# ---- intervals and tests of a run that may have stopped at any look
 
 WORTH = 1.5  # trials that an effective one counts for
-
-
-class Stopping(NamedTuple):
-    """Intervals and tests of a way to stop; a p-value is at most 0.05 where its interval excludes a value."""
-
-    mean: Callable[[Array], Interval]
-    mean_of_positive: Callable[[Array], Interval]
-    log_contrast: Callable[[Array, Array], Interval]  # of values (trial, j) and weights (j,)
-    change: Callable[[Array, Array], Interval]  # of RMSE, from squared errors (k,) before and after
-    p_of_change: Callable[[Array, Array, float], float]  # two-sided, against a true change
-    p_above: Callable[[Array, Array, float], float]  # one-sided, against mean b <= factor x mean a
-    p_of_mean: Callable[[Interval, int, float], float]  # two-sided, of an interval symmetric about its value
-    equal: Callable[[Array, Array], bool]  # whether two RMSE tie, from squared errors
-
-    def p_of_difference(self, a: Array, b: Array) -> float:
-        """Return the two-sided p against equal RMSE; 1 for equals, nan where there is no interval."""
-        p = self.p_of_change(a, b, 0.0)
-        return 1.0 if p == p and np.array_equal(a, b) else p
 
 
 def effective(values: Array) -> float:
@@ -93,65 +74,19 @@ def effective(values: Array) -> float:
     return float(np.minimum(len(values), WORTH * kish))
 
 
-def _log_contrast(values: Array, weights: Array) -> Interval:
-    return statistics.log_contrast(values, weights, lambda _: boundary(effective(values)))
-
-
-def _log_change(a: Array, b: Array) -> Interval:
-    """Return the logarithm of the ratio of the RMSE of b to that of a, with its sequence."""
-    return _log_contrast(np.stack([a, b], 1), HALVES)
-
-
-def _change(a: Array, b: Array) -> Interval:
-    return Interval(*(float(np.expm1(end)) for end in _log_change(a, b)))
-
-
 def _is_tie(change: Interval) -> bool:
     """Return whether a change of RMSE lies within 1/(1 + MARGIN) .. 1 + MARGIN."""
     return change.low >= -MARGIN / (1 + MARGIN) and change.high <= MARGIN
 
 
-def _p_above(a: Array, b: Array, factor: float) -> float:
-    log, value = _log_change(a, b), float(np.log(factor)) / 2
-    if log.low == log.high:
-        return float(log.value < value)
-    return float(1 / np.maximum(1.0, one_sided_e_value(_t(log, len(a), value), len(a))))
-
-
-def _p_of_mean(interval: Interval, n: int, value: float) -> float:
-    """Return 1 / e, at most 1; 0 where no spread is left."""
-    if interval.low == interval.high:
-        return 0.0
-    return float(1 / np.maximum(1.0, e_value(_t(interval, n, value), n)))
-
-
-def _t(interval: Interval, n: int, value: float) -> float:
-    """Return the t statistic over n trials of a sequence's distance from a value."""
-    half, above = interval.high - interval.value, interval.value - value
-    if half == 0:
-        return float(np.copysign(np.inf, above)) if above else 0.0
-    return above / half * boundary(n)
-
-
-FIXED = Stopping(  # t intervals, on the logarithm for a relative change
-    statistics.mean,
-    statistics.mean_of_positive,
-    statistics.log_contrast,
-    statistics.change,
-    statistics.p_of_change,
-    statistics.p_above,
-    statistics.p_of_mean,
-    lambda a, b: statistics.equivalence(a, b) < ALPHA,
-)
-ANYTIME = Stopping(  # confidence sequences
-    lambda d: statistics.mean(d, boundary),
-    lambda values: statistics.mean_of_positive(values, lambda _: boundary(effective(values[:, None]))),
-    _log_contrast,
-    _change,
-    lambda a, b, value: _p_of_mean(_log_change(a, b), len(a), float(np.log1p(value))),
-    _p_above,
-    _p_of_mean,
-    lambda a, b: _is_tie(_change(a, b)),
+ANYTIME: Stopping = Stopping(  # confidence sequences
+    boundary,
+    trials=effective,
+    contrast_trials=effective,
+    test_trials=len,
+    p=lambda t, n: float(1 / np.maximum(1.0, e_value(t, n))),
+    p_one_sided=lambda t, n: float(1 / np.maximum(1.0, one_sided_e_value(t, n))),
+    equal=lambda a, b: _is_tie(ANYTIME.change(a, b)),
 )
 
 
@@ -208,13 +143,21 @@ def _decide_at_look(found: Decision, base: Array, mine: Array) -> Decision:
     """Return the decision at a look at squared errors (n,); nan: failed."""
     both = ~np.isnan(base) & ~np.isnan(mine)
     a, b = base[both], mine[both]
-    change = _change(a, b)
+    change = ANYTIME.change(a, b)
     verdict = "better" if change.high < 0 else "worse" if change.low > 0 else "tie" if _is_tie(change) else OPEN
     favoured = {"better": (mine,), "worse": (base,), "tie": (base, mine)}.get(verdict, ())
     if any(np.isnan(one).any() for one in favoured):
         verdict = FAILED
-    e = e_value(_t(_log_change(a, b), len(a), 0.0), len(a)) if len(a) else np.nan
+    e = e_value(_t(ANYTIME.log_change(a, b), len(a)), len(a)) if len(a) else np.nan
     return found._replace(verdict=verdict, change=change.value, low=change.low, high=change.high, e=e)
+
+
+def _t(log: Interval, n: int) -> float:
+    """Return the t statistic over n trials of a sequence's distance from 0."""
+    half = log.high - log.value
+    if half == 0:
+        return float(np.copysign(np.inf, log.value)) if log.value else 0.0
+    return log.value / half * boundary(n)
 
 
 def add_decisions(table: pd.DataFrame, found: pd.DataFrame) -> pd.DataFrame:

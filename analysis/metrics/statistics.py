@@ -16,7 +16,6 @@ LEVEL = 0.95
 Z = float(stats.norm.ppf((1 + LEVEL) / 2))
 MARGIN = 0.05  # two estimators whose RMSE differ by less than this share tie
 HALVES = np.array([-0.5, 0.5])  # of the logarithms of two mean squared errors: that of the ratio of their RMSE
-Quantile = Callable[[int], float]  # standard errors that an interval over n trials reaches to either side
 
 
 class Interval(NamedTuple):
@@ -48,56 +47,97 @@ def trials_without_skew(values: Array) -> float:
     return float(max(1 + (k - 1) / (1 + 3 * variation), LEAST_TRIALS))
 
 
-def paired_trials_without_skew(a: Array, b: Array) -> float:
-    """Return `trials_without_skew` of the more skewed of the two."""
-    return min(trials_without_skew(a), trials_without_skew(b))
+def least_without_skew(values: Array) -> float:
+    """Return `trials_without_skew` of the most skewed column of `values` (k, j)."""
+    return min(map(trials_without_skew, values.T))
 
 
-def mean(d: Array, reach: Quantile = quantile) -> Interval:
-    """Return the mean of `d` (k,) over trials, such as paired differences b - a: t interval."""
-    n, value = len(d), float(np.mean(d)) if len(d) else np.nan
-    if n < LEAST_TRIALS or not np.isfinite(value):
-        return Interval(value, np.nan, np.nan)
-    half = reach(n) * float(d.std(ddof=1)) / np.sqrt(n)
-    return Interval(value, value - half, value + half)
+class Stopping(NamedTuple):
+    """Intervals and tests by how the number of trials came about: fixed before, or by looking at the results.
 
-
-def mean_of_positive(values: Array, reach: Quantile | None = None) -> Interval:
-    """Return the mean of positive, skewed values: jackknife on its logarithm, t quantile over `trials_without_skew`."""
-    values = np.asarray(values)
-    mean = float(np.mean(values)) if len(values) else np.nan
-    log = log_contrast(values[:, None], np.ones(1), reach or (lambda _: quantile(trials_without_skew(values))))
-    return Interval(mean, float(np.exp(log.low)), float(np.exp(log.high)))
-
-
-def log_contrast(values: Array, weights: Array, reach: Quantile = quantile) -> Interval:
-    """Return sum_j weights_j log mean_j over trials of positive `values` (trial, j): jackknife, t quantile.
-
-    Columns of one row may be correlated: rows are what is independent.
+    Errors `a`, `b` (k,) are squared, over paired trials, before and after. Columns of `values` (trial, j) may be
+    correlated: rows are what is independent. A p-value is at most 0.05 where its interval excludes a value.
     """
-    n, mean = len(values), values.mean(0) if len(values) else np.full(len(weights), np.nan)
-    if not (np.isfinite(mean).all() and (mean > 0).all()):
-        return Interval(np.nan, np.nan, np.nan)
-    value = float((weights * np.log(mean)).sum())
-    left_out = (values.sum(0) - values) / max(n - 1, 1)
-    if n < LEAST_TRIALS or (left_out <= 0).any():
-        return Interval(value, np.nan, np.nan)
-    log = (weights * np.log(left_out)).sum(1)
-    half = reach(n) * float(np.sqrt((n - 1) / n * ((log - log.mean()) ** 2).sum()))
-    return Interval(value, value - half, value + half)
+
+    reach: Callable[[float], float]  # standard errors that an interval over n trials reaches to either side
+    trials: Callable[[Array], float]  # how many those of positive, skewed `values` count as
+    contrast_trials: Callable[[Array], float]  # the same in a contrast of several
+    test_trials: Callable[[Array], float]  # the same in a test of a change
+    p: Callable[[float, float], float]  # two-sided, of a t statistic over n trials
+    p_one_sided: Callable[[float, float], float]  # small where t is large
+    equal: Callable[[Array, Array], bool]  # whether two RMSE tie, from squared errors
+
+    def mean(self, d: Array) -> Interval:
+        """Return the mean of `d` (k,) over trials, such as paired differences b - a: t interval."""
+        n, value = len(d), float(np.mean(d)) if len(d) else np.nan
+        if n < LEAST_TRIALS or not np.isfinite(value):
+            return Interval(value, np.nan, np.nan)
+        half = self.reach(n) * float(d.std(ddof=1)) / np.sqrt(n)
+        return Interval(value, value - half, value + half)
+
+    def mean_of_positive(self, values: Array) -> Interval:
+        """Return the mean of positive, skewed values (k,): jackknife on its logarithm."""
+        mean = float(np.mean(values)) if len(values) else np.nan
+        log = self._contrast(values[:, None], np.ones(1), self.trials)
+        return Interval(mean, float(np.exp(log.low)), float(np.exp(log.high)))
+
+    def log_contrast(self, values: Array, weights: Array) -> Interval:
+        """Return sum_j weights_j log mean_j over trials of positive `values` (trial, j): jackknife, t quantile."""
+        return self._contrast(values, weights, self.contrast_trials)
+
+    def log_change(self, a: Array, b: Array) -> Interval:
+        """Return log(RMSE of b / RMSE of a): jackknife, t quantile.
+
+        Fieller's interval calls an erratic one better in up to a fifth of ties.
+        """
+        return self._contrast(np.stack([a, b], 1), HALVES, self.trials)
+
+    def change(self, a: Array, b: Array) -> Interval:
+        """Return the relative change of the RMSE, sqrt(mean b / mean a) - 1."""
+        return Interval(*(float(np.expm1(end)) for end in self.log_change(a, b)))
+
+    def _contrast(self, values: Array, weights: Array, trials: Callable[[Array], float]) -> Interval:
+        n, mean = len(values), values.mean(0) if len(values) else np.full(len(weights), np.nan)
+        if not (np.isfinite(mean).all() and (mean > 0).all()):
+            return Interval(np.nan, np.nan, np.nan)
+        value = float((weights * np.log(mean)).sum())
+        left_out = (values.sum(0) - values) / max(n - 1, 1)
+        if n < LEAST_TRIALS or (left_out <= 0).any():
+            return Interval(value, np.nan, np.nan)
+        log = (weights * np.log(left_out)).sum(1)
+        half = self.reach(trials(values)) * float(np.sqrt((n - 1) / n * ((log - log.mean()) ** 2).sum()))
+        return Interval(value, value - half, value + half)
+
+    def p_above(self, a: Array, b: Array, factor: float) -> float:
+        """Return the one-sided p; small where mean b is above `factor` times mean a."""
+        log, n = self.log_change(a, b), self.test_trials(np.stack([a, b], 1))
+        above, half = log.value - float(np.log(factor)) / 2, log.high - log.value
+        return float(above < 0) if half == 0 else self.p_one_sided(above / half * self.reach(n), n)
+
+    def p_of_change(self, a: Array, b: Array, value: float) -> float:
+        """Return the two-sided p against a true change of `value`: 0.05 at either end of the interval of `change`."""
+        return self.p_of_mean(self.log_change(a, b), self.test_trials(np.stack([a, b], 1)), float(np.log1p(value)))
+
+    def p_of_mean(self, interval: Interval, n: float, value: float) -> float:
+        """Return the two-sided p against a true value, of an interval over n trials; nan where there is none."""
+        half = interval.high - interval.value
+        return 0.0 if half == 0 else self.p((interval.value - value) / half * self.reach(n), n)
+
+    def p_of_difference(self, a: Array, b: Array) -> float:
+        """Return the two-sided p against equal RMSE; 1 for equals, nan where there is no interval."""
+        p = self.p_of_change(a, b, 0.0)
+        return 1.0 if p == p and np.array_equal(a, b) else p
 
 
-def log_change(a: Array, b: Array) -> Interval:
-    """Return log(RMSE of b / RMSE of a), of squared errors `a`, `b` (k,) over paired trials: jackknife, t quantile.
-
-    That over `paired_trials_without_skew`: Fieller's interval calls an erratic one better in up to a fifth of ties.
-    """
-    return log_contrast(np.stack([a, b], 1), HALVES, lambda _: quantile(paired_trials_without_skew(a, b)))
-
-
-def change(a: Array, b: Array) -> Interval:
-    """Return the relative change of the RMSE, sqrt(mean b / mean a) - 1, of squared errors `a`, `b` (k,), paired."""
-    return Interval(*(float(np.expm1(end)) for end in log_change(a, b)))
+FIXED = Stopping(
+    quantile,
+    trials=least_without_skew,
+    contrast_trials=len,
+    test_trials=least_without_skew,
+    p=lambda t, n: float(2 * special.stdtr(n - 1, -abs(t))),
+    p_one_sided=lambda t, n: float(special.stdtr(n - 1, -t)),
+    equal=lambda a, b: equivalence(a, b) < 1 - LEVEL,
+)
 
 
 def decisive_trial(a: Array, b: Array) -> int | None:
@@ -105,7 +145,7 @@ def decisive_trial(a: Array, b: Array) -> int | None:
 
     Its share of the jackknife's variance is above 3/4. None below ten trials, and where the interval excludes 0.
     """
-    if len(a) < 10 or not (found := change(a, b)).low <= 0 <= found.high:
+    if len(a) < 10 or not (found := FIXED.change(a, b)).low <= 0 <= found.high:
         return None
     left_out = np.log((b.sum() - b) / (a.sum() - a))
     shares = (left_out - left_out.mean()) ** 2
@@ -145,31 +185,7 @@ def equivalence(a: Array, b: Array, margin: float = MARGIN) -> float:
     if len(a) < LEAST_TRIALS:
         return np.nan
     least = (1 + margin) ** -2
-    return 0.0 if np.array_equal(a, b) else max(p_above(a, b, least), p_above(b, a, least))
-
-
-def p_above(a: Array, b: Array, factor: float) -> float:
-    """Return the one-sided p over paired trials; small where mean b is above `factor` times mean a."""
-    log = log_change(a, b)
-    above, half = log.value - np.log(factor) / 2, log.high - log.value
-    if np.isnan(half) or half == 0:
-        return float(above < 0) if half == 0 else np.nan
-    n = paired_trials_without_skew(a, b)
-    return float(special.stdtr(n - 1, -above / half * quantile(n)))
-
-
-def p_of_change(a: Array, b: Array, value: float) -> float:
-    """Return the two-sided p against a true change of `value`: 0.05 at either end of the interval of `change`."""
-    return p_of_mean(log_change(a, b), paired_trials_without_skew(a, b), float(np.log1p(value)))
-
-
-def p_of_mean(interval: Interval, n: float, value: float) -> float:
-    """Return the two-sided p against a true value, of a t interval over n trials; nan where there is none."""
-    half = interval.high - interval.value
-    if np.isnan(half):
-        return np.nan
-    t = abs(interval.value - value) / half * quantile(n) if half > 0 else np.inf
-    return float(2 * special.stdtr(n - 1, -t))
+    return 0.0 if np.array_equal(a, b) else max(FIXED.p_above(a, b, least), FIXED.p_above(b, a, least))
 
 
 def expected_false(p: Array) -> float:

@@ -19,7 +19,8 @@ from cooploc.analysis.claims.verdicts import (
 )
 from cooploc.analysis.execution.run_directory import StoredRun
 from cooploc.analysis.formats import count, count_of, p_value
-from cooploc.analysis.metrics.sequential import ANYTIME, FIXED
+from cooploc.analysis.metrics.sequential import ANYTIME
+from cooploc.analysis.metrics.statistics import FIXED
 from cooploc.analysis.report.tables import Table, number_column, text_column
 
 SHOWN = 3  # reasons why cases of a claim were not run

@@ -98,7 +98,7 @@ def _change(a: pd.DataFrame, b: pd.DataFrame) -> dict[str, Any]:
         both = before.index.intersection(after.index)
         both = both[(before.loc[both, "stream"] == after.loc[both, "stream"]).to_numpy()]
         before, after = before.loc[both], after.loc[both]
-        measure, test = statistics.change, partial(statistics.p_of_change, value=0.0)
+        measure, test = statistics.FIXED.change, partial(statistics.FIXED.p_of_change, value=0.0)
         x, y = before[EXACT].to_numpy(float), after[EXACT].to_numpy(float)
         equal = ((x == y) | (np.isnan(x) & np.isnan(y))).all(1).sum()
         found = {"pairing": "paired", "trials": len(both), "equal": int(equal)}
@@ -115,7 +115,9 @@ def unpaired_change(x: Any, y: Any) -> Interval:
 
     Its limits are the square-and-add limits of Zou & Donner (2008) on logarithms.
     """
-    (a, a_low, a_high), (b, b_low, b_high) = (statistics.log_contrast(v[:, None], np.array([0.5])) for v in (x, y))
+    (a, a_low, a_high), (b, b_low, b_high) = (
+        statistics.FIXED.log_contrast(v[:, None], np.array([0.5])) for v in (x, y)
+    )
     low = b - a - np.hypot(b - b_low, a_high - a)
     high = b - a + np.hypot(b_high - b, a - a_low)
     return Interval(*(float(np.expm1(end)) for end in (b - a, low, high)))

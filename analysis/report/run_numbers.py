@@ -13,7 +13,8 @@ from cooploc.analysis.formats import count_of
 from cooploc.analysis.metrics.compare import compare
 from cooploc.analysis.metrics.curves import sweep
 from cooploc.analysis.metrics.ranking import is_refused, rank_groups
-from cooploc.analysis.metrics.sequential import ANYTIME, FIXED, add_decisions
+from cooploc.analysis.metrics.sequential import ANYTIME, add_decisions
+from cooploc.analysis.metrics.statistics import FIXED
 from cooploc.analysis.plot import style
 from cooploc.estimators.registry import shorten_labels
 

@@ -18,8 +18,7 @@ from cooploc.analysis.formats import change, count_of, interval, join_words, met
 from cooploc.analysis.metrics.consistency import OVER_CONFIDENT
 from cooploc.analysis.metrics.curves import sweep
 from cooploc.analysis.metrics.ranking import disqualifications
-from cooploc.analysis.metrics.sequential import FIXED, Stopping
-from cooploc.analysis.metrics.statistics import LEAST_TRIALS, MARGIN, Interval, mean_of_positive
+from cooploc.analysis.metrics.statistics import FIXED, LEAST_TRIALS, MARGIN, Interval, Stopping
 
 NAMED = 3  # names in a sentence; of more the first ones, and how many others there are
 FEW = 6  # estimators; a sentence gives the change of each, of more only their range, of twice as many no names
@@ -95,7 +94,7 @@ def _standing(scenario: str, part: pd.DataFrame, results: TrialTable) -> Standin
         len(may),
         tuple(_name_with_reasons(row) for row in barred if row["rmse"] <= best["rmse"]),
         rmse=Interval(best["rmse"], best["rmse_low"], best["rmse_high"]),
-        anees=mean_of_positive(results.anees((scenario, best["estimator"]))),
+        anees=FIXED.mean_of_positive(results.anees((scenario, best["estimator"]))),
         equal=tuple(found["equal"]),
         tied=tuple(found["tied"]),
         next=others[0]["estimator"] if others else "",

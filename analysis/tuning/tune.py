@@ -27,7 +27,7 @@ from cooploc.analysis.execution.run_directory import read_run, replace_file
 from cooploc.analysis.metrics import statistics
 from cooploc.analysis.metrics.compare import compare
 from cooploc.analysis.metrics.errors import CELL, drop_failed, weighted_means
-from cooploc.analysis.metrics.sequential import FIXED
+from cooploc.analysis.metrics.statistics import FIXED
 from cooploc.analysis.tuning.search import Finish, Item, Lane, Pair, race, require_objective, space_of, trial_scores
 from cooploc.estimators import configure
 from cooploc.estimators.errors import BadInput
@@ -378,7 +378,7 @@ def _compare_pair(rows: pd.DataFrame, scenario: str, finish: Finish, objective: 
     records = {row["estimator"]: row for row in compare(rows, baseline=shipped, full=True).to_dict("records")}
     before, after = records[shipped], records[best]
     scores = {label: trial_scores(part, objective) for label, part in rows.groupby("estimator")}
-    fresh = statistics.mean(np.asarray(scores[shipped] - scores[best], float))
+    fresh = FIXED.mean(np.asarray(scores[shipped] - scores[best], float))
     lane, rounds = [one for one in finish.lanes if one.judged == scenario], finish.rounds
     same = best == shipped
     return {
@@ -436,4 +436,4 @@ def order(rows: pd.DataFrame, tuned: Mapping[str, str], by: str = "rmse") -> pd.
 
 def _p_value(x: Any, y: Any, by: str) -> float:
     """Return p against equal RMSE, as of `change`; against equal mean scores, maybe negative, by the t test."""
-    return FIXED.p_of_difference(x, y) if by == "rmse" else statistics.p_of_mean(statistics.mean(y - x), len(x), 0)
+    return FIXED.p_of_difference(x, y) if by == "rmse" else FIXED.p_of_mean(FIXED.mean(y - x), len(x), 0)

@@ -37,7 +37,7 @@ WORLDS = {**rates.WORLDS, "rarely diverging": rare}
 
 
 def logs(values: np.ndarray, weights: np.ndarray, at: list[int]) -> Paths:
-    """`statistics.log_contrast` of the first trials of (repetition, trial, column), at each look."""
+    """`ANYTIME.log_contrast` of the first trials of (repetition, trial, column), at each look."""
     numbers, errors, effective = [], [], []
     for n in at:
         seen = values[:, :n]
@@ -50,7 +50,7 @@ def logs(values: np.ndarray, weights: np.ndarray, at: list[int]) -> Paths:
 
 
 def means(values: np.ndarray, at: list[int]) -> Paths:
-    """`statistics.mean` at each look, of (repetition, trial)."""
+    """`ANYTIME.mean` at each look, of (repetition, trial)."""
     of = [values[:, :n] for n in at]
     error = [v.std(1, ddof=1) / np.sqrt(v.shape[1]) for v in of]
     return np.stack([v.mean(1) for v in of], 1), np.stack(error, 1), np.broadcast_to(at, (len(values), len(at)))

@@ -14,7 +14,7 @@ from cooploc.analysis.claims import verdicts
 from cooploc.analysis.claims.kinds import FALLS, decide
 from cooploc.analysis.claims.ledger import load, read, variants
 from cooploc.analysis.claims.verdicts import DECIDED, adjust, judge, overview, verdict_sentence
-from cooploc.analysis.metrics.statistics import change, holm, p_of_change
+from cooploc.analysis.metrics.statistics import FIXED, holm
 from cooploc.estimators import make
 from cooploc.scenarios import resolve
 
@@ -410,7 +410,7 @@ def judged_changes(rng, levels, trials=20):
     for level in levels:
         hard = rng.lognormal(0, 0.3, (trials, 1))
         a, b = (hard * rng.lognormal(0, 0.3, (trials, 2)) * [1.0, level**2]).T
-        one = decide(change(a, b), trials, FALLS, partial(p_of_change, a, b))
+        one = decide(FIXED.change(a, b), trials, FALLS, partial(FIXED.p_of_change, a, b))
         found.append({"verdict": one.verdict, "p": one.p})
     labels = SCENARIOS[: len(found)]
     return adjust(pd.DataFrame(found).assign(claim="1", scenario=labels, of="", than="", definition=""))

@@ -12,7 +12,8 @@ from cooploc.analysis.metrics.compare import SHORT, STATISTICS, compare, outlier
 from cooploc.analysis.metrics.consistency import COLLAPSED
 from cooploc.analysis.metrics.errors import trial_means
 from cooploc.analysis.metrics.ranking import disqualifications, letters, pareto_front, rank_groups
-from cooploc.analysis.metrics.sequential import ANYTIME, FIXED, looks
+from cooploc.analysis.metrics.sequential import ANYTIME, looks
+from cooploc.analysis.metrics.statistics import FIXED
 from cooploc.terminal.tables import records
 
 

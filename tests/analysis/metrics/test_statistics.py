@@ -6,19 +6,13 @@ from scipy import stats
 from statsmodels.stats.multitest import multipletests
 from statsmodels.stats.power import TTestPower
 
-from cooploc.analysis.metrics.sequential import FIXED, trials_to_exclude
+from cooploc.analysis.metrics.sequential import trials_to_exclude
 from cooploc.analysis.metrics.statistics import (
-    change,
+    FIXED,
     decisive_trial,
     equivalence,
     expected_false,
     holm,
-    log_contrast,
-    mean,
-    mean_of_positive,
-    p_above,
-    p_of_change,
-    p_of_mean,
     share,
     trials_without_skew,
 )
@@ -47,7 +41,7 @@ def equals(rng, trials, level=1.0):
 @pytest.mark.parametrize("trials", [10, 30, 100])
 def test_the_interval_covers_the_true_change(trials):
     rng = np.random.default_rng(3)
-    intervals = [change(*equals(rng, trials, 0.5)) for _ in range(REPEATS)]
+    intervals = [FIXED.change(*equals(rng, trials, 0.5)) for _ in range(REPEATS)]
     assert 0.92 < covered(intervals, np.sqrt(0.5) - 1) < 0.985
 
 
@@ -56,7 +50,7 @@ def test_an_erratic_estimator_is_not_called_better_than_a_steady_one_that_is_as_
     rng = np.random.default_rng(4)
     a = np.exp(rng.normal(0, 0.4, (REPEATS, 20)) - 0.4**2 / 2)
     b = np.exp(rng.normal(0, 1.2, (REPEATS, 20)) - 1.2**2 / 2)
-    found = [change(*pair) for pair in zip(a, b, strict=True)]
+    found = [FIXED.change(*pair) for pair in zip(a, b, strict=True)]
     assert covered(found, 0.0) > 0.91
     assert covered(found, 0.0) > np.mean(stats.ttest_rel(a, b, axis=1).pvalue > 0.05) + 0.04
 
@@ -69,8 +63,8 @@ def test_the_interval_of_a_change_is_the_jackknife_of_the_log_ratio():
     degrees = min(trials_without_skew(a), trials_without_skew(b)) - 1
     centre = np.log(b.mean() / a.mean()) / 2
     ends = centre + np.array([-1, 1]) * stats.t.ppf(0.975, degrees) * sd
-    assert change(a, b)[1:] == pytest.approx(np.expm1(ends), rel=1e-9)
-    assert p_above(a, b, 0.8) == pytest.approx(stats.t.cdf((np.log(0.8) / 2 - centre) / sd, degrees))
+    assert FIXED.change(a, b)[1:] == pytest.approx(np.expm1(ends), rel=1e-9)
+    assert FIXED.p_above(a, b, 0.8) == pytest.approx(stats.t.cdf((np.log(0.8) / 2 - centre) / sd, degrees))
 
 
 def test_the_one_trial_that_decides_a_change_is_named():
@@ -90,13 +84,13 @@ def test_holm_is_that_of_statsmodels(rng):
 
 def test_the_p_of_an_interval_is_five_percent_at_its_ends(rng):
     a, b = rng.lognormal(0, 0.3, 25), rng.lognormal(-0.5, 0.3, 25)
-    for end in change(a, b)[1:]:
-        assert p_of_change(a, b, end) == pytest.approx(0.05, abs=1e-9)
-    found, exact = mean(b - a), stats.ttest_rel(b, a).confidence_interval(0.95)
+    for end in FIXED.change(a, b)[1:]:
+        assert FIXED.p_of_change(a, b, end) == pytest.approx(0.05, abs=1e-9)
+    found, exact = FIXED.mean(b - a), stats.ttest_rel(b, a).confidence_interval(0.95)
     assert found[1:] == pytest.approx((exact.low, exact.high))
     for end in found[1:]:
-        assert p_of_mean(found, 25, end) == pytest.approx(0.05, abs=1e-9)
-    assert p_of_mean(found, 25, 0.3) == pytest.approx(stats.ttest_1samp(b - a, 0.3).pvalue)
+        assert FIXED.p_of_mean(found, 25, end) == pytest.approx(0.05, abs=1e-9)
+    assert FIXED.p_of_mean(found, 25, 0.3) == pytest.approx(stats.ttest_1samp(b - a, 0.3).pvalue)
 
 
 def test_false_decisions_are_foreseen_from_the_tests_that_find_nothing():
@@ -111,7 +105,7 @@ def test_a_contrast_of_logs_covers_a_ratio_of_ratios():
     rng, intervals = np.random.default_rng(10), []
     for _ in range(REPEATS):
         values = rng.lognormal(0, 0.5, (30, 1)) * rng.lognormal(0, 0.3, (30, 4)) * [1.5, 1, 1, 1]
-        intervals.append(log_contrast(values, np.array([1.0, -1.0, -1.0, 1.0])))
+        intervals.append(FIXED.log_contrast(values, np.array([1.0, -1.0, -1.0, 1.0])))
     assert 0.92 < covered(intervals, np.log(1.5)) < 0.98
 
 
@@ -148,7 +142,7 @@ def test_the_test_of_a_difference_rejects_five_percent_of_equals_and_agrees_with
     rng, rejected = np.random.default_rng(18), []
     for _ in range(REPEATS):
         a, b = equals(rng, trials)
-        found = change(a, b)
+        found = FIXED.change(a, b)
         rejected.append(FIXED.p_of_difference(a, b) < 0.05)
         assert rejected[-1] == (found.low > 0 or found.high < 0)
     assert 0.02 < np.mean(rejected) < 0.07
@@ -157,13 +151,13 @@ def test_the_test_of_a_difference_rejects_five_percent_of_equals_and_agrees_with
 
 def test_nothing_is_claimed_below_five_trials():
     few = np.array([1.0, 2.0, 1.5, 1.2])
-    found = [mean_of_positive(few), mean(few), change(few, few * 2), share(few / 2)]
+    found = [FIXED.mean_of_positive(few), FIXED.mean(few), FIXED.change(few, few * 2), share(few / 2)]
     assert np.isnan([*(one.low for one in found), equivalence(few, few, 0.05)]).all()
-    assert np.isnan(log_contrast(np.stack([few, few], 1), np.array([1.0, -1.0])).low)
+    assert np.isnan(FIXED.log_contrast(np.stack([few, few], 1), np.array([1.0, -1.0])).low)
 
 
 def test_trials_to_exclude_are_those_of_the_power_of_the_t_test():
     d = np.random.default_rng(14).normal(0.3, 1.0, 40)
     asked = TTestPower().solve_power(effect_size=0.25 / d.std(ddof=1), alpha=0.05, power=0.8)
-    assert trials_to_exclude(mean(d), 40, 0.25) == pytest.approx(asked, abs=1.5)
-    assert np.isnan(trials_to_exclude(mean(d), 40, 0.0))
+    assert trials_to_exclude(FIXED.mean(d), 40, 0.25) == pytest.approx(asked, abs=1.5)
+    assert np.isnan(trials_to_exclude(FIXED.mean(d), 40, 0.0))

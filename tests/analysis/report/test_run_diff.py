@@ -33,7 +33,7 @@ def test_a_change_is_paired_by_trial(tmp_path):
     row = changes(a, b).set_index("estimator").loc["b"]
     assert row["pairing"] == "paired"
     x, y = (kept.rows.loc[kept.rows["estimator"] == "b", "mse"].to_numpy() for kept in (a, b))
-    assert (row["change"], row["change_low"], row["change_high"]) == statistics.change(x, y)
+    assert (row["change"], row["change_low"], row["change_high"]) == statistics.FIXED.change(x, y)
     assert 0.18 < row["change_low"] < 0.2 < row["change_high"] < 0.22
     assert sentences(changes(a, b))[1] == "1 of them: worse."
     assert (row["verdict"], changes(b, a).set_index("estimator").loc["b"]["verdict"]) == ("worse", "better")
