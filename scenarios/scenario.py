@@ -129,19 +129,14 @@ class ResolvedScenario:
         return self.parameters["data"] if self.is_recording else None
 
     @property
-    def has_size(self) -> bool:
-        """True where the model states its size before it runs; a recording's files are not read for this."""
-        return hasattr(self.model, "robots") and hasattr(self.model, "ticks")
-
-    @property
     def robots(self) -> int:
-        """Number of robots simulated, else 1."""
-        return self.model.robots if self.has_size else 1  # type: ignore[attr-defined]
+        """Number of robots that the model states before it runs, else 1."""
+        return getattr(self.model, "robots", 1)
 
     @property
     def ticks(self) -> int:
-        """Number of ticks simulated, else 1."""
-        return self.model.ticks if self.has_size else 1  # type: ignore[attr-defined]
+        """Number of ticks that the model states before it runs, else 1."""
+        return getattr(self.model, "ticks", 1)
 
     def trials(self, asked: int) -> int:
         """Return the number of trials of a study that asks for `asked`: a recording has its own number."""
@@ -158,7 +153,7 @@ class ResolvedScenario:
 
     def first_tick(self) -> "ResolvedScenario":
         """Return the same scenario with one tick, where its length can be chosen."""
-        return self._override({"ticks": 1}) if self.has_size and not self.is_recording else self
+        return self._override({"ticks": 1}) if hasattr(self.model, "ticks") and not self.is_recording else self
 
     def simulate(self, trials: int | Sequence[int], seed: int) -> tuple[Truth, Stream]:
         """Simulate truth and stream of some trials; `scenarios.simulate` says more.

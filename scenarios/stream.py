@@ -19,7 +19,6 @@ from pydantic import TypeAdapter
 from cooploc.estimators import models
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Belief, Indices, Mask, Senses, World
-from cooploc.scenarios.display import list_table
 
 FORMAT = 3  # of the file; 2 had a checksum in its header
 MODELS: dict[str, type[Any]] = {
@@ -80,18 +79,6 @@ class Stream:
         size = f"{len(self.trial)} trials of {len(self.time)} ticks, {self.robots} robots"
         return f"Stream({self.scenario!r}, seed {self.seed}, {size}, {', '.join(sorted(self.channels()))})"
 
-    def _repr_html_(self) -> str:
-        links = self.air.link.sum() / max(1, self.air.link[..., 0].size * (self.robots - 1))
-        facts = (
-            ("trials", len(self.trial)),
-            ("ticks", f"{len(self.time)} of {self.world.tick:g} s"),
-            ("robots", self.robots),
-            ("channels", ", ".join(sorted(self.channels()))),
-            ("links that hold", f"{links:.0%}" if self.robots > 1 else "none, there is one robot"),
-            ("hash", self.hash[:16]),
-        )
-        return list_table(("", ""), f"stream of {self.scenario}, seed {self.seed}", facts)
-
     @property
     def robots(self) -> int:
         return self.world.robots
@@ -127,16 +114,13 @@ class Stream:
 
     def select(self, trials: slice | list[int]) -> "Stream":
         """Return some of the trials, bit-identical, in any order."""
-        return replace(self.map(lambda array: array[trials]), trial=self.trial[trials])
+        chosen = {name: array[trials] for name, array in self.arrays().items()}
+        return replace(self.replace_arrays(chosen), trial=self.trial[trials])
 
     def first_ticks(self, ticks: int) -> "Stream":
         """Return the stream of the first ticks only."""
         arrays = {name: a if name.startswith("prior") else a[:, :ticks] for name, a in self.arrays().items()}
         return replace(self.replace_arrays(arrays), time=self.time[:ticks])
-
-    def map(self, change: Any) -> "Stream":
-        """Return a stream whose every array with a trial axis went through `change`."""
-        return self.replace_arrays({name: change(array) for name, array in self.arrays().items()})
 
     def replace_arrays(self, arrays: Mapping[str, Any]) -> "Stream":
         """Return a stream with some of `arrays()` replaced."""
@@ -151,11 +135,8 @@ class Stream:
         """
         w = self.world
         header = {
-            "format": FORMAT,
+            **{"format": FORMAT, "robots": w.robots, "tick": w.tick, "t0": w.t0},
             "what": "cooploc stream: arrays are (trial, tick, robot, ...), SI units, nan is absent",
-            "robots": w.robots,
-            "tick": w.tick,
-            "t0": w.t0,
             "motion": _describe(w.motion),
             "sensors": {channel: _describe(sensor) for channel, sensor in w.sensors.items()},
             **{"scenario": self.scenario, "seed": self.seed, "notes": dict(self.notes), "hashes": self.hashes},

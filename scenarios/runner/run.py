@@ -218,16 +218,9 @@ def missing_methods(estimator: Any) -> list[str]:
 # Estimators in processes of their own.
 
 
-class Seedless(NamedTuple):
-    """A stream that does not say its seed, and the rows that the seed makes."""
-
-    stream: Stream
-    rows: Rows
-
-
-def remove_seed(stream: Stream) -> Seedless:
-    """Return the same readings without the seed."""
-    return Seedless(replace(stream, seed=0, notes={}), seeds.rows(stream.seed, stream.trial, stream.robots))
+def remove_seed(stream: Stream) -> tuple[Stream, Rows]:
+    """Return a stream that does not say its seed, and the rows that the seed makes."""
+    return replace(stream, seed=0, notes={}), seeds.rows(stream.seed, stream.trial, stream.robots)
 
 
 class PluginJob(NamedTuple):
@@ -242,13 +235,13 @@ class PluginJob(NamedTuple):
 def require_fit_in_process(one: PluginJob, stream: Stream) -> None:
     """Do in its process what `require_fit` does."""
     with _name_in_errors(one):
-        call(one.owner, _require_fit, one, remove_seed(stream).stream, limit=one.seconds)
+        call(one.owner, _require_fit, one, remove_seed(stream)[0], limit=one.seconds)
 
 
 def trace_in_process(one: PluginJob, chunks: list[Stream]) -> Trace:
     """Return the trace of all chunks, each run in a process of its own."""
     with _name_in_errors(one):
-        futures = [submit(one.owner, len(chunks), _trace_chunk, one, remove_seed(chunk)) for chunk in chunks]
+        futures = [submit(one.owner, len(chunks), _trace_chunk, one, *remove_seed(chunk)) for chunk in chunks]
         return _concatenate([wait_for(one.owner, future, limit=one.seconds) for future in futures])
 
 
@@ -298,12 +291,12 @@ def _require_fit(one: PluginJob, stream: Stream) -> None:
         require_fit(one.name, make_estimator(one.given, one.name), stream)
 
 
-def _trace_chunk(one: PluginJob, given: Seedless) -> Trace:
+def _trace_chunk(one: PluginJob, stream: Stream, rows: Rows) -> Trace:
     with limit_time(one.seconds + PATIENCE):
         made = make_estimator(one.given, one.name)
-        warm_up(one.name, made, given.stream)
-    with limit_time(one.seconds, *given.stream.senses.dt.shape[:2]) as watch:
-        return trace(one.name, made, given.stream, watch, rows=given.rows)
+        warm_up(one.name, made, stream)
+    with limit_time(one.seconds, *stream.senses.dt.shape[:2]) as watch:
+        return trace(one.name, made, stream, watch, rows=rows)
 
 
 def _concatenate(traces: list[Trace]) -> Trace:

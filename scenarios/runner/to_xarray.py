@@ -9,7 +9,6 @@ no note of that name. Every variable has `units` as CF writes them; where axes d
 has that of each axis. What netCDF 3 cannot keep is written otherwise: a large seed as text, a flag as 0 or 1.
 """
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -30,21 +29,20 @@ def dataset(run: Any, truth: Truth | None = None) -> xr.Dataset:
     if not traces:
         raise BadInput("this run has no estimators, so there is nothing to put into a dataset: run some")
     _, ticks, robots, d = traces[0].x.shape
-    one_unit, absent = d == 2, np.full_like(traces[0].messages, np.nan)
-    variables = {
-        "x": (BELIEF, np.stack([t.x for t in traces]), _about("estimate", "m" if one_unit else "")),
-        "P": ((*BELIEF, "other_axis"), np.stack([t.P for t in traces]), _about("its covariance", "m2" * one_unit)),
-        "messages": (COUNT, np.stack([t.messages for t in traces]), _about("messages sent", "1")),
-        "bytes": (COUNT, np.stack([t.bytes for t in traces]), _about("bytes sent", "byte")),
-        "seconds": ("estimator", [t.seconds for t in traces], _about("computing time", "s")),
-        "centralised": ("estimator", [t.centralised for t in traces], _about("all readings reach one computer")),
-        "bound": ("estimator", [t.bound for t in traces], _about("bounds all other estimators")),
-        **{
-            f"note: {name}": (COUNT, np.stack([t.notes.get(name, absent) for t in traces]))
-            for name in dict.fromkeys(name for t in traces for name in t.notes)
-        },
-        **({} if truth is None else _errors(run, truth)),
-    }
+    metres, absent = "m" * (d == 2), np.full_like(traces[0].messages, np.nan)
+    variables: dict[str, Any] = {} if truth is None else _errors(run, truth)
+    for name, axes, about, units in (
+        ("x", BELIEF, "estimate", metres),
+        ("P", (*BELIEF, "other_axis"), "its covariance", metres and "m2"),
+        ("messages", COUNT, "messages sent", "1"),
+        ("bytes", COUNT, "bytes sent", "byte"),
+        ("seconds", COUNT[:1], "computing time", "s"),
+        ("centralised", COUNT[:1], "all readings reach one computer", ""),
+        ("bound", COUNT[:1], "bounds all other estimators", ""),
+    ):
+        variables[name] = axes, np.stack([getattr(t, name) for t in traces]), _about(about, units)
+    for name in dict.fromkeys(name for t in traces for name in t.notes):
+        variables[f"note: {name}"] = COUNT, np.stack([t.notes.get(name, absent) for t in traces])
     coordinates = {
         "estimator": list(run.traces),
         "trial": run.trial,
@@ -60,7 +58,7 @@ def dataset(run: Any, truth: Truth | None = None) -> xr.Dataset:
     return xr.Dataset(variables, coordinates, {"scenario": run.scenario, "seed": seed})
 
 
-def _errors(run: Any, truth: Truth) -> Mapping[str, Any]:
+def _errors(run: Any, truth: Truth) -> dict[str, Any]:
     """The truth, and how far each estimate is from it."""
     if truth.origin != run.hashes:
         raise BadInput(f"this truth ({truth.scenario}) is not the run's ({run.scenario}): simulate it again")

@@ -6,7 +6,6 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import lru_cache
 from time import process_time
-from types import TracebackType
 from typing import Any, Self
 
 import numpy as np
@@ -35,9 +34,7 @@ class Stopwatch(event.Listener):
         self._began = process_time()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, where: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         event.unregister(COMPILING, self)
         self.seconds += process_time() - self._began
 
