@@ -5,7 +5,7 @@ Every command imports what it needs when it runs, so that `cooploc --help` is qu
 
 import os
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal, get_args
 
 import typer
 
@@ -50,28 +50,14 @@ def root(
         typer.echo(context.get_help())
 
 
-KINDS = ("estimators", "scenarios", "studies")
+Kind = Literal["estimators", "scenarios", "studies", "problems"]
 
 
 @app.command(name="list")
-def list_(
-    kind: Annotated[str | None, typer.Argument(help="estimators, scenarios or studies")] = None,
-) -> None:
-    """List estimators, scenarios, studies, and broken plug-ins."""
-    from cooploc.estimators.errors import nearest
-
-    plural = {"estimator": "estimators", "scenario": "scenarios", "study": "studies"}.get(kind or "", kind)
-    if plural not in (None, *KINDS):
-        raise cl.BadInput(f"there is no list of {kind!r}; {nearest(kind or '', list(KINDS))}")
-    for one in [plural] if plural else KINDS:
+def list_(kind: Annotated[Kind | None, typer.Argument(help="[default: all of them]")] = None) -> None:
+    """List estimators, scenarios, studies, and problems: studies that a paper can name."""
+    for one in [kind] if kind else get_args(Kind):
         terminal.tables.show_list(one, getattr(cl, one)())
-
-
-@app.command()
-def problems() -> None:
-    """List the problems: studies that a paper can name, as their streams never change."""
-    terminal.tables.show_list("problems", cl.problems())
-    typer.echo("next: cooploc run arena-3@1 --estimators ekf-ci,path.py:Mine")
 
 
 @app.command()
