@@ -15,7 +15,7 @@ from cooploc.analysis.metrics import statistics
 from cooploc.analysis.metrics.consistency import DOUBTFUL
 from cooploc.analysis.metrics.errors import TRAINED
 from cooploc.analysis.metrics.statistics import FIXED, Stopping
-from cooploc.estimators.interface import Array, Mask
+from cooploc.estimators.interface import Array
 from cooploc.estimators.registry import shorten_labels
 
 DECLARED = "bytes are as declared"
@@ -140,12 +140,3 @@ def _letters(names: list[str], p: Array, alpha: float) -> dict[str, str]:
         square[i, j] = square[j, i] = one
     found = scikit_posthocs.compact_letter_display(pd.DataFrame(square, names, names), alpha=alpha)
     return {str(name): str(marks).replace(" ", "") for name, marks in found.items()}
-
-
-def pareto_front(rmse: Array, cost: Array) -> Mask:
-    """Return the Pareto front (k,): True where no other is as good in RMSE and cost and better in one."""
-    known = np.isfinite(rmse) & np.isfinite(cost)
-    no_worse = (rmse <= rmse[:, None]) & (cost <= cost[:, None]) & known  # (i, j): j is no worse than i
-    better = no_worse & ((rmse < rmse[:, None]) | (cost < cost[:, None]))
-    efficient: Mask = known & ~better.any(1)
-    return efficient

@@ -1,7 +1,7 @@
 """A ledger of claims as pictures: its verdicts, and its claims over all readings of the paper."""
 
 import textwrap
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -97,26 +97,23 @@ def readings(found: pd.DataFrame, ax: Axes | None = None) -> Axes:
     parts = [part for part in ((changes,) if ax else (changes, levels)) if len(part)]
     if not parts:
         raise BadInput("no claim that names a size was run: see the columns `size` and `value` of cl.readings")
-    heights = [
-        sum(LINE * len(_wrap(row.claim, row.says)) + STRIP + 0.65 for row in part.drop_duplicates("claim").itertuples())
-        for part in parts
-    ]
+    named = [part.drop_duplicates("claim")[["claim", "says"]].to_numpy() for part in parts]
+    heights = [sum(LINE * len(_wrap(*one)) + STRIP + 0.65 for one in ones) for ones in named]
     size = WIDTH, 0.5 * sum(heights) + 0.55 * len(heights) + 0.6
     grid: Any = {"height_ratios": heights, "squeeze": False, "layout": "constrained"}
     axes = [ax] if ax else list(plt.subplots(len(parts), figsize=size, **grid)[1][:, 0])
     for each, part in zip(axes, parts, strict=True):
         _draw_map(each, part, part is levels)
-    handles: list[Any] = []
+    last = axes[-1]
     for verdict, mark in VERDICTS.items():
         if verdict in set(pd.concat(parts)["verdict"]):
             low, high = mark.strip
             strip, height = [(0, 2 * low - 1), (0, 2 * high - 1)], 4 if 0 < low < high < 1 else 11
-            handles += axes[-1].plot([], [], marker=strip, color=mark.colour, ls="", ms=height, mew=2, label=verdict)
-    handles += axes[-1].plot([], [], marker="|", color=CLAIMED, ls="", ms=10, mew=3, label="claimed")
+            last.plot([], [], marker=strip, color=mark.colour, ls="", ms=height, mew=2, label=verdict)
+    last.plot([], [], marker="|", color=CLAIMED, ls="", ms=10, mew=3, label="claimed")
     for marker, _, name in NAMED.values():
-        handles += axes[-1].plot([], [], marker, mec="0.4", mfc="0.4", ms=5, label=name)
-    below: Any = {"loc": "outside lower center", "ncols": 3, "frameon": False, "fontsize": 7.5, "handletextpad": 0.3}
-    cast(Any, axes[-1].figure).legend(handles=handles, **below)
+        last.plot([], [], marker, mec="0.4", mfc="0.4", ms=5, label=name)
+    style.add_legend_below([last], fontsize=7.5, handletextpad=0.3)
     return axes[0]
 
 

@@ -7,6 +7,7 @@ in the style of a report's page or of a paper.
 import re
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from itertools import groupby
 from math import ceil
 from typing import Any
 
@@ -20,7 +21,7 @@ from matplotlib.ticker import FuncFormatter
 from cooploc.analysis.formats import count_of
 from cooploc.analysis.metrics.consistency import CONSERVATIVE, OVER_CONFIDENT
 from cooploc.analysis.metrics.curves import swept
-from cooploc.analysis.metrics.ranking import is_refused, pareto_front
+from cooploc.analysis.metrics.ranking import is_refused
 from cooploc.analysis.metrics.statistics import LEAST_TRIALS
 from cooploc.analysis.plot import style
 from cooploc.analysis.plot.style import DOTTED, PAGE, Look, Row, Style, draw_marker, name_of, set_log_scale, span
@@ -54,8 +55,7 @@ def rmse(errors: pd.DataFrame, ax: Axes | None = None, floors: Mapping[str, floa
     """
     table = style.summarize_for_figures(errors)
     table["floor"] = table["scenario"].map(dict(floors or {}))
-    along = _sweep(table)
-    names = list(dict.fromkeys(table["estimator"]))
+    along, names = _sweep(table), list(dict.fromkeys(table["estimator"]))
     looks, height = style.session_looks(names), max(4.0, 0.6 + 0.2 * len(names))
     over_confident = bool((table["consistency"] == "over-confident").any())
     if along is not None:
@@ -64,33 +64,31 @@ def rmse(errors: pd.DataFrame, ax: Axes | None = None, floors: Mapping[str, floa
         above = f"{along['family'].iloc[0]}, {_about_trials(table)}{'; broken: over-confident' * over_confident}"
         style.finish(ax, along["parameter"].iloc[0], RMSE, above)
     else:
-        ax = _draw_side_by_side(ax, table, names, looks, height)
+        ax = _draw_side_by_side(ax, table, looks, height)
         style.finish(ax, "", RMSE, _about_trials(table) + "; hollow: over-confident" * over_confident, grid="y")
     style.add_legend(ax)
     return ax
 
 
-def _draw_side_by_side(ax: Axes | None, table: pd.DataFrame, names: list[str], looks: Looks, height: float) -> Axes:
+def _draw_side_by_side(ax: Axes | None, table: pd.DataFrame, looks: Looks, height: float) -> Axes:
     """Draw the estimators of every scenario in a column of their own; labels that would overlap are upright."""
     labels = list(dict.fromkeys(table["scenario"]))
-    places = np.arange(len(labels))
-    width = min(14.0, max(6.5, 2.5 + 0.2 * len(labels) * (len(names) + 2)))
+    width = min(14.0, max(6.5, 2.5 + 0.2 * len(labels) * (len(looks) + 2)))
     lines = [wrap_label(label) for label in labels]
     widest = max(len(line) for label in lines for line in label.split("\n"))
     upright = widest * LETTER > (width - 3.0) / len(labels)
     ax = ax or style.new_axes(width, height + max(map(len, labels)) * 0.8 * LETTER * upright)
-    shift = dict(zip(names, np.linspace(-0.3, 0.3, len(names)) if len(names) > 1 else [0.0], strict=True))
+    shift = dict(zip(looks, np.linspace(-0.3, 0.3, len(looks)) if len(looks) > 1 else [0.0], strict=True))
     for row in table[table["rmse"].notna()].to_dict("records"):
         place = labels.index(row["scenario"]) + shift[row["estimator"]]
         style.draw_rmse(ax, place, row, looks[row["estimator"]])
     _add_keys(ax, table, looks, name_of)
-    lowest = table.groupby("scenario")["floor"].first().reindex(labels).to_numpy(float)
-    ax.hlines(lowest, places - 0.4, places + 0.4, color="black", ls=DOTTED)
+    for place, floor in enumerate(table.groupby("scenario", sort=False)["floor"].first()):
+        ax.hlines(floor, place - 0.4, place + 0.4, color="black", ls=DOTTED)
+        ax.axvline(place + 0.5, color=style.GRID, lw=1, zorder=0)
     turned: Any = {"rotation": 90, "fontsize": "small"} if upright else {}
     ax.set_xticks(range(len(labels)), labels if upright else lines, **turned)
     ax.set_xlim(-0.5, len(labels) - 0.5)
-    for edge in range(1, len(labels)):
-        ax.axvline(edge - 0.5, color=style.GRID, lw=1, zorder=0)
     set_log_scale(ax.yaxis, *span(table, "rmse", "floor"))
     return ax
 
@@ -125,7 +123,7 @@ def pareto(errors: pd.DataFrame) -> Axes:
     looks = style.session_looks(table["estimator"])
     axes = style.new_panels(len(parts), 2, (3.6, 2.5), 0.2 * (ceil(len(looks) / 3) + 2), sharex=True)
     for ax, part in zip(axes, parts, strict=True):
-        draw_against(ax, part, "bytes", looks, frontier(part))
+        draw_against(ax, part, "bytes", looks)
         trials = count_of(int(part["trials"].min()), "trial")
         style.finish(ax, NAMES["bytes"], "RMSE [m]", f"{part['scenario'].iloc[0]}, {trials}", grid="both")
     _add_keys(axes[0], table, looks, name_of)
@@ -135,10 +133,10 @@ def pareto(errors: pd.DataFrame) -> Axes:
     return axes[0]
 
 
-def frontier(table: pd.DataFrame) -> pd.DataFrame:
-    """Return the rows that none beats in bytes and RMSE, by bytes; over-confident and centralised ones do not count."""
-    able = table[~(table["consistency"].isin(["over-confident", "over-wide"]) | table["centralised"].astype(bool))]
-    able = able.sort_values(["bytes", "rmse"])
+def frontier(table: pd.DataFrame, cost: str = "bytes") -> pd.DataFrame:
+    """Return the rows that none beats in both cost and RMSE, by cost; what is not honest does not count."""
+    dishonest = table["consistency"].isin(["over-confident", "over-wide"]) | table["certificate"].map(is_refused)
+    able = table[~(dishonest | table["centralised"]).astype(bool)].sort_values([cost, "rmse"])
     return able[able["rmse"] < able["rmse"].cummin().shift(fill_value=np.inf)]
 
 
@@ -150,38 +148,34 @@ def _height(look: Style) -> float:
     return max(2.1, 0.29 * look.width)
 
 
-def _panels(part: pd.DataFrame, looks: Looks) -> list[list[str]]:
-    """Return the estimators of each panel of a sweep: all in one, or those of one method with its variants."""
-    known = set(part["estimator"])
-    names = [name for name in looks if name in known]
-    if len(names) <= TOGETHER:
-        return [names]
-    shared: dict[str, list[str]] = {}
-    for name in names:
-        shared.setdefault(name.partition("[")[0], []).append(name)
-    return [mine[i : i + TOGETHER] for mine in shared.values() for i in range(0, len(mine), TOGETHER)]
-
-
 def sweep_panels(part: pd.DataFrame, looks: Looks, short: Short, look: Style = PAGE) -> Figure:
     """Draw RMSE over what the scenarios sweep; of many estimators a panel for each method, among all others in grey."""
     part = swept(part).sort_values("value", kind="stable")
-    shown = _panels(part, looks)
-    alone = len(shown) == 1
+    names = [name for name in looks if name in set(part["estimator"])]
+    methods = [list(mine) for _, mine in groupby(sorted(names, key=_method), _method)]
+    methods.sort(key=lambda mine: names.index(mine[0]))
+    shown = [mine[i : i + TOGETHER] for mine in methods for i in range(0, len(mine), TOGETHER)]
+    shown = shown if len(names) > TOGETHER else [names]
 
-    def draw(ax: Axes, names: list[str]) -> None:
+    def draw(ax: Axes, mine: list[str]) -> None:
+        single = len(mine) == 1 and len(shown) > 1  # its title is its name
+
         def name(row: Row) -> str:
-            return "_" if len(names) == 1 and not alone else short(row["estimator"])
+            return "_" if single else short(row["estimator"])
 
-        draw_curves(ax, part, {one: looks[one] for one in names}, name, 0.22 if len(names) == 1 else 0.1)
-        if not alone:
-            ax.set_title(wrap_label(short(names[0]) if len(names) == 1 else short(names[0].partition("[")[0]), 44))
+        draw_curves(ax, part, {one: looks[one] for one in mine}, name, 0.22 if len(mine) == 1 else 0.1)
+        if len(shown) > 1:
+            ax.set_title(wrap_label(short(mine[0] if single else _method(mine[0])), 44))
 
-    entries = sum(len(names) for names in shown if alone or len(names) > 1)
-    size, labels = (
-        (look.width, _height(look) if alone else max(1.15, 0.7 * look.width / look.across)),
-        (part["parameter"].iloc[0], RMSE),
-    )
-    return compose([partial(draw, names=names) for names in shown], look, size, labels, shared=True, entries=entries)
+    height = _height(look) if len(shown) == 1 else max(1.15, 0.7 * look.width / look.across)
+    entries = sum(len(mine) for mine in shown if len(shown) == 1 or len(mine) > 1)
+    labels = part["parameter"].iloc[0], RMSE
+    draws = [partial(draw, mine=mine) for mine in shown]
+    return compose(draws, look, (look.width, height), labels, shared=True, entries=entries)
+
+
+def _method(label: str) -> str:
+    return label.partition("[")[0]
 
 
 def ranking(parts: Sequence[pd.DataFrame], looks: Looks, short: Short, look: Style = PAGE) -> Figure:
@@ -215,10 +209,9 @@ def scatter(part: pd.DataFrame, others: Sequence[str], looks: Looks, short: Shor
         if other == others[0]:
             _add_keys(ax, part, looks, lambda row: short(row["estimator"]))
 
-    draws, entries = [partial(draw, other=other) for other in others], part["estimator"].nunique()
-    return compose(
-        draws, look, (look.width, _height(look)), ("", RMSE), shared=True, across=len(others), entries=entries
-    )
+    draws, size = [partial(draw, other=other) for other in others], (look.width, _height(look))
+    entries = part["estimator"].nunique()
+    return compose(draws, look, size, ("", RMSE), shared=True, across=len(others), entries=entries)
 
 
 def overview(table: pd.DataFrame, looks: Looks, short: Short) -> Figure:
@@ -308,17 +301,13 @@ def draw_curves(
         ax.set_xticks(values, [f"{value:g}" for value in values])
 
 
-def draw_against(ax: Axes, part: pd.DataFrame, other: str, looks: Looks, front: pd.DataFrame | None = None) -> None:
-    """Draw RMSE against ANEES, with the band of consistency, or against a cost with `front`, or the Pareto front."""
+def draw_against(ax: Axes, part: pd.DataFrame, other: str, looks: Looks) -> None:
+    """Draw RMSE against ANEES, with the band of consistency, or against a cost with the frontier."""
     scale = 1e6 if other == "seconds" else 1.0
     low, high = (scale * end for end in span(part, other))
     if other == "anees":
         ax.axvspan(CONSERVATIVE, OVER_CONFIDENT, color=style.BAND, zorder=0)
-    elif front is None:
-        out = part["certificate"].map(is_refused).astype(bool) | part["centralised"].astype(bool)
-        best = pareto_front(part["rmse"].where(~out).to_numpy(float), part[other].to_numpy(float))
-        front = part[best].sort_values(other)
-    if front is not None and len(front):
+    elif len(front := frontier(part, other)):
         ax.step(scale * front[other], front["rmse"], where="post", color="0.3", lw=1, ls=style.BROKEN, zorder=1)
     for row in part.to_dict("records"):
         look, x = looks[row["estimator"]], scale * row[other]

@@ -36,8 +36,8 @@ def information(table: pd.DataFrame) -> Axes:
     """
     rows = [name for name in OWN if (table["own"] == name).any()]
     axes = style.new_panels(len(rows), 1, (7.2, 1.55), 1.1, sharex=True, sharey=True)
-    there = {(int(n), str(b)) for n, b in zip(table["robots"], table["between"], strict=True)}
-    teams = sorted({n for n, _ in there})
+    teams = sorted(table["robots"].unique())
+    there = table[["robots", "between"]].drop_duplicates().itertuples(index=False, name=None)
     cells = sorted(there, key=lambda cell: (cell[0], list(BETWEEN).index(cell[1])))
     places = {cell: i + GAP * teams.index(cell[0]) for i, cell in enumerate(cells)}  # teams stand apart
     looks = style.looks(one for _, one in RULES.values())

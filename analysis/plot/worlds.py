@@ -87,9 +87,8 @@ def set_links(lines: LineCollection, at: Array, heard: Array, blockers: Array | 
     i, j = np.tril_indices(len(at), -1)
     lines.set_segments(list(np.stack([at[i], at[j]], 1)))
     lines.set_linestyle(["solid" if one else LOST for one in np.logical_or(heard[i, j], heard[j, i])])
-    lines.set_color(
-        [BLOCKED if blockers is not None and blockers[a, b] > 0 else GREY for a, b in zip(i, j, strict=True)]
-    )
+    blocked = np.zeros(len(i)) if blockers is None else blockers[i, j]
+    lines.set_color([BLOCKED if one > 0 else GREY for one in blocked])
 
 
 def _draw_scene(ax: Axes, scene: Scene, tick: int) -> None:

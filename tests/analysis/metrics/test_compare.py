@@ -11,7 +11,7 @@ import cooploc as cl
 from cooploc.analysis.metrics.compare import SHORT, STATISTICS, compare, outlier_warnings, summarize
 from cooploc.analysis.metrics.consistency import COLLAPSED
 from cooploc.analysis.metrics.errors import trial_means
-from cooploc.analysis.metrics.ranking import disqualifications, letters, pareto_front, rank_groups
+from cooploc.analysis.metrics.ranking import disqualifications, letters, rank_groups
 from cooploc.analysis.metrics.sequential import ANYTIME, looks
 from cooploc.analysis.metrics.statistics import FIXED
 from cooploc.terminal.tables import records
@@ -90,12 +90,6 @@ def test_letters_of_equals_differ_at_any_of_five_looks_in_at_most_5_percent_of_r
         for stopping in ever:
             ever[stopping] += any(len(set(letters(mse[:n], stopping).values())) > 1 for n in looks(160))
     assert ever[ANYTIME] < 10 < ever[FIXED]
-
-
-def test_the_front_holds_those_that_none_beats_in_error_and_cost():
-    error = np.array([3.0, 2.0, 2.5, 1.0, 1.0, 0.5])
-    cost = np.array([1.0, 2.0, 3.0, 4.0, 4.0, np.nan])
-    assert pareto_front(error, cost).tolist() == [True, True, False, True, True, False]
 
 
 FRAME = rows("a", BASE)

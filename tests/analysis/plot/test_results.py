@@ -72,7 +72,8 @@ def test_the_frontier_holds_what_no_honest_rule_beats_in_bytes_and_error():
         ("same", 20.0, 0.45, "consistent", False),
         ("best", 200.0, 0.3, "conservative", False),
     ]
-    table = pd.DataFrame(rows, columns=["estimator", "bytes", "rmse", "consistency", "centralised"])
+    rows = [(*row, "") for row in rows] + [("cheat", 1.0, 0.2, "consistent", False, "failed: no_cheating")]
+    table = pd.DataFrame(rows, columns=["estimator", "bytes", "rmse", "consistency", "centralised", "certificate"])
     assert list(frontier(table.sample(frac=1, random_state=3))["estimator"]) == ["silent", "fair", "best"]
 
 
