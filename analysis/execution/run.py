@@ -13,8 +13,8 @@ import pandas as pd
 
 from cooploc.analysis.execution.certificates import add_certificates, check_plugins
 from cooploc.analysis.execution.provenance import fingerprint, plugins, provenance
-from cooploc.analysis.execution.run_directory import DECISIONS, FORMAT, Cell, PartKey, Receipt, RunDir, write_json
-from cooploc.analysis.execution.workers import Compute, Task, make_workers
+from cooploc.analysis.execution.run_directory import DECISIONS, FORMAT, Cell, PartKey, RunDir, write_json
+from cooploc.analysis.execution.workers import Task, make_workers
 from cooploc.analysis.formats import count_of, duration
 from cooploc.analysis.metrics.sequential import OPEN, decide, looks
 from cooploc.estimators import module_of
@@ -112,15 +112,26 @@ def execute(
         OSError: a part could not be written; those before it are kept.
 
     """
-    watcher, directory = progress or Silent(), RunDir(out)
+    watcher, directory, wanted = progress or Silent(), RunDir(out), trials_of_cells(study)
     with make_workers(jobs, scheduler, isolate, watcher.compiling) as compute, directory.lock():
         directory.open(make_manifest(study, isolate))
         manifest = directory.manifest
         for line in [f"{label}, {line}" for label, lines in manifest["recordings"].items() for line in lines]:
             watcher.say(line)
         check_plugins(manifest, partial(directory.write_manifest, manifest), check, isolate, watcher.say)
-        intact = dict(complete(study, directory, compute, watcher, retry_failed, isolate))
-        rows = directory.read_rows(trials_of_cells(study), intact)
+        found, damaged = directory.find(wanted)
+        for key in damaged:
+            watcher.say(f"{key.name} is gone or does not match its checksum; its trials are computed again")
+        again = {key for key, receipt in found.items() if retry_failed and receipt.failed}
+        tasks, total = make_tasks(study, found, again, isolate), sum(wanted.values())
+        watcher.begin(total, total - sum(len(task.trials) * len(task.estimators) for task in tasks))
+        experiments = {cell.scenario.label: cell.experiment for cell in study.cells}
+        for part in compute(tasks):
+            receipt = found[part.key] = directory.write(part.key, part.frame, part.seconds)
+            scenario, estimator, trials = part.key
+            where = scenario if scenario.startswith(experiments[scenario]) else f"{experiments[scenario]} · {scenario}"
+            watcher.advance(f"{where} · {estimator}", len(trials), receipt.failed)
+        rows = directory.read_rows(wanted, found)
         for row in rows.dropna(subset="stream").drop_duplicates(["scenario", "trial"]).itertuples():
             manifest["streams"].setdefault(row.scenario, {})[str(row.trial)] = row.stream
         directory.write_manifest(manifest)
@@ -156,36 +167,6 @@ def trials_of_cells(study: ResolvedStudy) -> dict[tuple[str, str], int]:
     ordered = [one.label for one in study.estimators]
     cells = [(cell.scenario.label, label, cell.trials) for cell in study.cells for label in ordered]
     return {(scenario, label): trials[label] for scenario, label, trials in cells if label in trials}
-
-
-# What is missing, and its computation.
-
-
-def complete(
-    asked: ResolvedStudy,
-    directory: RunDir,
-    compute: Compute,
-    watcher: RunProgress,
-    retry_failed: bool = False,
-    isolate: bool = True,
-) -> Iterator[tuple[PartKey, Receipt]]:
-    """Yield all parts of a study: those that are there, then those that were missing, as they are written."""
-    intact, damaged = directory.find(trials_of_cells(asked))
-    again = [key for key, receipt in intact.items() if retry_failed and receipt.failed]
-    tasks = make_tasks(asked, intact, again, isolate)
-    yield from ((key, receipt) for key, receipt in intact.items() if key not in again)
-    for key in damaged:
-        watcher.say(f"{key.name} is gone or does not match its checksum; its trials are computed again")
-    trials = sum(trials_of_cells(asked).values())
-    watcher.begin(trials, trials - sum(len(task.trials) * len(task.estimators) for task in tasks))
-    experiments = {cell.scenario.label: cell.experiment for cell in asked.cells}
-    for part in compute(tasks):
-        receipt = directory.write(part.key, part.frame, part.seconds)
-        scenario, estimator, trials_done = part.key
-        experiment = experiments[scenario]
-        where = scenario if scenario.startswith(experiment) else f"{experiment} · {scenario}"
-        watcher.advance(f"{where} · {estimator}", len(trials_done), receipt.failed)
-        yield part.key, receipt
 
 
 def make_tasks(study: ResolvedStudy, held: Iterable[PartKey], again: Iterable[PartKey], isolate: bool) -> list[Task]:
