@@ -112,6 +112,11 @@ def parse(label: str) -> tuple[str, dict[str, str]]:
     return given[2] if given else match[1], parameters
 
 
+def write_label(name: str, parameters: Mapping[str, str]) -> str:
+    """Return the label that `parse` reads as a name and its parameters."""
+    return name + (f"[{','.join(f'{key}={value}' for key, value in parameters.items())}]" if parameters else "")
+
+
 def shorten_labels(text: str) -> str:
     """Write each `mine=path.py:Name[gate=9]` in a text as readers see it, `mine[gate=9]`."""
     return SHOWN.sub(r"\1", text)

@@ -22,6 +22,7 @@ from cooploc.analysis.claims.kinds import Claim, Labels, LedgerTable
 from cooploc.estimators import make, nearest, parse
 from cooploc.estimators.building import RENAMED
 from cooploc.estimators.errors import BadInput
+from cooploc.estimators.registry import write_label
 
 CANDIDATES = 20  # rows that the greedy search tries before it takes one
 
@@ -151,13 +152,14 @@ def estimator(label: str, reading: Interpretation, dimensions: Dimensions) -> st
     written = {RENAMED.get(key, key): value for key, value in options.items()}
     wanted = _parameters(reading, dimensions, name, "estimators")
     changed = {key: value for key, value in wanted.items() if key not in written and _changes(label, key, value)}
-    return _label(name, {**changed, **written}) if changed else label
+    return write_label(name, dict(sorted({**changed, **written}.items()))) if changed else label
 
 
 def scenario(label: str, reading: Interpretation, dimensions: Dimensions) -> str:
     """Return the label of a scenario under an interpretation; what the label says already stays."""
     path, written = parse(label)
-    return _label(path, _parameters(reading, dimensions, path.partition("/")[0], "scenarios") | written)
+    wanted = _parameters(reading, dimensions, path.partition("/")[0], "scenarios")
+    return write_label(path, dict(sorted((wanted | written).items())))
 
 
 @cache
@@ -174,10 +176,6 @@ def _parameter_names(label: str) -> list[str]:
     except BadInput:
         return []
     return [each.name for each in fields(made) if each.init] if is_dataclass(made) else []
-
-
-def _label(path: str, options: Mapping[str, str]) -> str:
-    return path + (f"[{','.join(f'{key}={options[key]}' for key in sorted(options))}]" if options else "")
 
 
 def _parameters(reading: Interpretation, dimensions: Dimensions, name: str, of: str) -> dict[str, str]:

@@ -24,7 +24,7 @@ from cooploc.analysis.metrics import statistics
 from cooploc.analysis.metrics.errors import demand_same_streams
 from cooploc.analysis.metrics.statistics import FIXED, Stopping
 from cooploc.estimators.errors import BadInput
-from cooploc.estimators.registry import parse
+from cooploc.estimators.registry import parse, write_label
 
 ENDS = ("letter", "preset", "code")  # readings that have a name
 LEVELS = ("error", "baseline", "dead_reckoning")  # RMSE [m]
@@ -120,8 +120,7 @@ def _name_as_ledger(row: dict[str, Any], case: Case, read: Case) -> dict[str, st
     where = []
     for label in row["scenario"].split(" to "):
         path, options = parse(label)
-        left = ",".join(f"{key}={value}" for key, value in options.items() if key in kept)
-        where.append(path + (f"[{left}]" if left else ""))
+        where.append(write_label(path, {key: value for key, value in options.items() if key in kept}))
     return {"of": case.of, "than": than.get(row["than"], row["than"]), "scenario": " to ".join(where)}
 
 

@@ -17,6 +17,7 @@ from cooploc.analysis.metrics.statistics import FIXED, Stopping
 from cooploc.estimators import nearest, parse
 from cooploc.estimators.building import RENAMED
 from cooploc.estimators.interface import Array
+from cooploc.estimators.registry import write_label
 
 Key = tuple[str, str]  # labels of a scenario and an estimator
 
@@ -111,8 +112,7 @@ def canonical(label: str) -> str:
     path, given = parse(label)
     written = {RENAMED.get(key, key): value for key, value in given.items()}
     head, equals, value = path.partition("=")
-    options = ",".join(f"{key}={_short(written[key])}" for key in sorted(written))
-    return head + equals + _short(value) + (f"[{options}]" if options else "")
+    return write_label(head + equals + _short(value), {key: _short(written[key]) for key in sorted(written)})
 
 
 def _canonical(key: Key) -> Key:

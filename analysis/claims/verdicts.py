@@ -111,14 +111,11 @@ def judge_claim(claim: Claim, table: TrialTable) -> list[dict[str, object]]:
     return out
 
 
-def _about(claim: Claim) -> dict[str, Any]:
-    return {"claim": claim.id, "open": "; ".join(claim.open), **claim.model_dump(include={"says", "where", "kind"})}
-
-
 def judge_case(case: Case, claim: Claim, table: TrialTable) -> dict[str, Any]:
     """Return the row of a case of a claim."""
     size = kinds.size_as_change(claim.size, case.definition)
-    asked = {"of": case.of, "than": ", ".join(case.than), "definition": case.definition, "size": size, **_about(claim)}
+    asked = {"of": case.of, "than": ", ".join(case.than), "definition": case.definition, "size": size}
+    asked |= {"claim": claim.id, "open": "; ".join(claim.open), **claim.model_dump(include={"says", "where", "kind"})}
     try:
         scenarios = tuple(dict.fromkeys(s for label in case.scenarios for s in table.matching(label)))
         case = case._replace(scenarios=scenarios)

@@ -10,6 +10,7 @@ from cooploc.analysis.metrics.consistency import band
 from cooploc.analysis.metrics.errors import position_errors
 from cooploc.analysis.metrics.statistics import FIXED, Interval
 from cooploc.estimators import parse
+from cooploc.estimators.registry import write_label
 from cooploc.scenarios.runner.run import Run
 from cooploc.scenarios.stream import Truth
 
@@ -45,6 +46,5 @@ def sweep(label: str) -> tuple[str, str, float]:
     """
     path, written = parse(label)
     found = re.fullmatch(r"(.+)/([^/=]+)=([-+.0-9einf]+)", path)
-    options = f"[{','.join(f'{k}={v}' for k, v in written.items())}]" if written else ""
     family, parameter, value = found.groups() if found else (path, "", "nan")
-    return family + options, parameter, float(value)
+    return write_label(family, written), parameter, float(value)

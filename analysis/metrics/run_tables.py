@@ -14,6 +14,7 @@ from cooploc.analysis.metrics.crlb import floors, pooled_floor
 from cooploc.analysis.metrics.errors import CELL
 from cooploc.estimators import configure, make, parse
 from cooploc.estimators.errors import BadInput
+from cooploc.estimators.registry import write_label
 from cooploc.scenarios import ASSUMED, resolve
 
 OWN = {"none": (), "doa": ("anchor_doa",), "gradient": ("anchor_gradient",), "rssi": ("anchor_rssi",)}
@@ -133,8 +134,7 @@ def parse_sweep(scenario: str, estimator: str) -> Sweep | None:
     if written or OF_ESTIMATORS not in parameters:
         return None
     value = parameters.pop(OF_ESTIMATORS)
-    rest = ",".join(f"{key}={each}" for key, each in parameters.items())
-    return Sweep(path, OF_ESTIMATORS, float(value), f"{name}[{rest}]" if rest else name)
+    return Sweep(path, OF_ESTIMATORS, float(value), write_label(name, parameters))
 
 
 def sensitivity(errors: pd.DataFrame, seed: int, baseline: str = "arl") -> pd.DataFrame:

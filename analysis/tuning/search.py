@@ -30,6 +30,7 @@ from cooploc.estimators import configure, make
 from cooploc.estimators.building import ConfiguredEstimator
 from cooploc.estimators.errors import BadInput, nearest
 from cooploc.estimators.interface import Array
+from cooploc.estimators.registry import write_label
 from cooploc.estimators.tunable import Tunable, Value, declarations
 from cooploc.scenarios.process import PLUGINS, WorkerError, call
 from cooploc.scenarios.scenario import ResolvedScenario
@@ -109,7 +110,7 @@ class Space:
             text = f"{value:.{DIGITS}g}" if isinstance(value, float) else str(value)
             written[key] = text.lower() if isinstance(value, bool) else text
         name = self.shipped.label.partition("[")[0]
-        return f"{name}[{','.join(f'{key}={value}' for key, value in written.items())}]"
+        return write_label(name, written)
 
 
 def space_of(label: str, isolate: bool = True) -> Space:
