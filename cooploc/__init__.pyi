@@ -8,6 +8,7 @@ from cooploc.analysis.metrics.external import judge as judge
 from cooploc.analysis.metrics.external import to_tum as to_tum
 from cooploc.analysis.metrics.smoother import Smoother as Smoother
 from cooploc.analysis.metrics.smoother import smoother as smoother
+from cooploc.analysis.metrics.trajectories import judge_trajectories as judge_trajectories
 from cooploc.analysis.tuning.tune import Tuned as Tuned
 from cooploc.analysis.tuning.tune import load_tuned as load_tuned
 from cooploc.analysis.tuning.tune import training as training

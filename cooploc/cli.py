@@ -173,8 +173,13 @@ def check(
 
 @app.command()
 def judge(
-    stream: Annotated[str, typer.Argument(help="a file that Stream.save wrote, or a scenario")],
-    tum: Annotated[Path, typer.Option(help="folder of trial0-robot0.txt, ..., or one folder of these for each")],
+    tum: Annotated[list[str], typer.Option(help="[NAME=]DIR of trajectories of another program; may be given again")],
+    stream: Annotated[str, typer.Argument(help="a file that Stream.save wrote, or a scenario")] = "",
+    truth: Annotated[Path | None, typer.Option(help="folder or bag of true trajectories, instead of a stream")] = None,
+    align: Annotated[str, typer.Option(help="with --truth: none, or origin, se2 (each robot), team (all)")] = "none",
+    axes: Annotated[str, typer.Option(help="with --truth: covariances are in axes of the world or the body")] = "world",
+    pieces: Annotated[int, typer.Option(help="with --truth: of the recording, for intervals over them")] = 10,
+    out: Annotated[Path | None, typer.Option(help="with --truth: folder of the tables and a figure")] = None,
     estimators: Annotated[str | None, typer.Option(help="comma-separated estimators to run on the same stream")] = None,
     trials: Annotated[int | None, typer.Option(help="of a scenario [default: 1]")] = None,
     seed: Annotated[int | None, typer.Option(help="of a scenario [default: 0]")] = None,
@@ -184,10 +189,24 @@ def judge(
     wide: Wide = False,
     legend: Legend = False,
 ) -> None:
-    """Judge trajectories computed elsewhere, from TUM files, with the truth of a stream."""
+    """Judge trajectories and covariances of other programs, by a stream's truth or by true trajectories in files.
+
+    `--tum mine=DIR --tum theirs=DIR2` ranks several. Formats: docs/how-to/judge.md.
+    """
+    named = {name or Path(path).name: path for name, _, path in (one.rpartition("=") for one in tum)}
+    if bool(stream) == bool(truth):
+        raise cl.BadInput("name a stream or scenario, or --truth DIR: one of them")
+    if len(named) < len(tum):
+        raise cl.BadInput("two of --tum have one name: write NAME=DIR")
+    if truth:
+        from cooploc.terminal.judged import show_trajectories
+
+        show_trajectories(truth, named, align, axes, pieces, out, as_json, wide, legend)
+        return
     from cooploc.analysis.metrics.external import evaluate_external
 
-    rows, table = evaluate_external(stream, tum, estimators, offline, trials=trials, seed=seed, data=data)
+    given = named if "=" in "".join(tum) or len(tum) > 1 else tum[0]
+    rows, table = evaluate_external(stream, given, estimators, offline, trials=trials, seed=seed, data=data)
     terminal.tables.table(table, rows, as_json, wide, legend)
 
 

@@ -20,7 +20,7 @@ import hashlib
 import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Literal, NamedTuple, get_args
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -31,14 +31,14 @@ from cooploc.analysis.metrics.statistics import mean_of_positive
 from cooploc.estimators.errors import BadInput, nearest
 from cooploc.estimators.interface import Array, Indices, Mask
 from cooploc.estimators.models import wrap
-from cooploc.scenarios.recordings.bag_storage import KINDS, bag_paths, open_bag, stamp_of, storage_files
+from cooploc.scenarios.recordings.bag_storage import KINDS, bag_paths, open_bag, stamp_of
 from cooploc.scenarios.recordings.text_files import TextTable, read_table
 from cooploc.scenarios.runner.run import Run
 from cooploc.scenarios.runner.trace import Trace
 from cooploc.scenarios.stream import Truth
 
-Alignment = Literal["none", "origin", "se2", "team"]
-Axes = Literal["world", "body"]
+ALIGNMENTS = "none", "origin", "se2", "team"
+AXES = "world", "body"
 WITH_COVARIANCE = ("nav_msgs/msg/Odometry", "geometry_msgs/msg/PoseWithCovarianceStamped")
 OTHER_NAMES = {"time": "stamp", "timestamp": "stamp", "t": "stamp", "theta": "heading", "yaw": "heading"}
 TRIANGLE = np.triu_indices(3)
@@ -61,15 +61,15 @@ Team = Mapping[str, Trajectory]
 def judge_trajectories(
     truth: str | Path,
     estimates: Mapping[str, str | Path],
-    align: Alignment = "none",
-    axes: Axes = "world",
+    align: str = "none",
+    axes: str = "world",
     pieces: int = 1,
     largest_difference: float = 0.01,
 ) -> tuple[pd.DataFrame, tuple[str, ...]]:
     """Return errors of trajectories of any program, a row for each robot and piece, and remarks on them.
 
     Only true poses count that every method has an estimate for, so that all are judged at the same times. Columns are
-    those of `cl.errors`, with `rpe` [m] and `heading` [rad], root mean squares; a trial is a piece.
+    those of `cl.errors`, with the robot's `name`, `rpe` [m] and `heading` [rad], root mean squares; a trial is a piece.
 
     Args:
         truth: the folder, or bag, of true trajectories.
@@ -84,7 +84,7 @@ def judge_trajectories(
         BadInput: a robot has no file, stamps do not meet, a path is mirrored, a covariance is none; says where.
 
     """
-    for name, value, known in (("align", align, get_args(Alignment)), ("axes", axes, get_args(Axes))):
+    for name, value, known in (("align", align, ALIGNMENTS), ("axes", axes, AXES)):
         if value not in known:
             raise BadInput(f"there is no {name} {value!r}; {nearest(value, list(known))}")
     true = read_team(Path(truth))
@@ -163,7 +163,7 @@ def _read_file(path: Path) -> Trajectory:
 def _read_csv(path: Path) -> Trajectory:
     """Read a CSV file with a header."""
     try:
-        table = pd.read_csv(path, float_precision="round_trip")
+        table = pd.read_csv(path)
     except (ValueError, OSError) as e:
         raise BadInput(f"{path}: cannot be read as CSV ({' '.join(str(e).split())[:100]}); write it again") from None
     table.columns = pd.Index([OTHER_NAMES.get(name, name) for name in table.columns.str.strip().str.lower()])
@@ -223,7 +223,7 @@ def _read_bag(place: Path, robots: list[str]) -> dict[str, Trajectory]:
             continue
         P = table[:, 4:].reshape(-1, 3, 3)
         P = np.where((P == 0).all((1, 2), keepdims=True), np.nan, P)  # ROS has zeros where it is not known
-        _require_positive(P, TextTable(storage_files(place)[0], table, np.arange(len(table))), f"{topic}, message")
+        _require_positive(P, TextTable(place, table, np.arange(len(table))), f"{topic}, message")
         found[name] = Trajectory(*_by_time(table[:, 0], table[:, 1:4], P))
     if not found:
         raise BadInput(
@@ -300,7 +300,7 @@ def match_stamps(a: Array, b: Array, largest: float) -> tuple[Indices, Indices]:
 
 
 def _align(
-    name: str, team: Mapping[str, Trajectory], paths: Mapping[str, Array], align: Alignment, axes: Axes
+    name: str, team: Mapping[str, Trajectory], paths: Mapping[str, Array], align: str, axes: str
 ) -> tuple[dict[str, Trajectory], list[str]]:
     """Return a team's trajectories in the frame of the truth, covariances in its axes, and remarks."""
     remarks, found = [], {}
@@ -434,8 +434,9 @@ def _rows(
         for k in range(pieces):
             for r, robot in enumerate(paths):
                 a, b = (np.array_split(one, pieces)[k] for one in (teams[name][robot].x, paths[robot]))
-                apart.append((name, k, r, relative_error(a, b), float(np.sqrt((wrap(a[:, 2] - b[:, 2]) ** 2).mean()))))
-    return rows.merge(pd.DataFrame(apart, columns=["estimator", "trial", "robot", "rpe", "heading"]))
+                turn = float(np.sqrt((wrap(a[:, 2] - b[:, 2]) ** 2).mean()))
+                apart.append((name, k, r, robot, relative_error(a, b), turn))
+    return rows.merge(pd.DataFrame(apart, columns=["estimator", "trial", "robot", "name", "rpe", "heading"]))
 
 
 def _every(paths: Iterable[Array], teams: Mapping[str, Mapping[str, Trajectory]]) -> Iterable[Array]:

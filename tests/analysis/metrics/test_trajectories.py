@@ -1,0 +1,234 @@
+"""Trajectories in files: the numbers of evo, covariances in every form and in their axes, faults in one line."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from made_bags import ROS2
+from processes import inside
+from rosbags.rosbag2 import Writer
+
+import cooploc as cl
+from cooploc.analysis.metrics.trajectories import drift_and_heading, judge_trajectories, match_stamps
+
+ROBOTS = "red", "blue"
+
+
+def write_tum(path, t, x):
+    half, zero = x[:, 2] / 2, np.zeros(len(t))
+    columns = [t, x[:, 0], x[:, 1], zero, zero, zero, np.sin(half), np.cos(half)]
+    np.savetxt(path, np.column_stack(columns), fmt="%.9f")
+
+
+def true_path(r):
+    t = np.arange(0, 60, 0.1)
+    h = 0.1 * np.cumsum(0.3 * np.sin(0.2 * t + r) + 0.1)
+    return t, np.column_stack([np.cumsum(np.cos(h)) * 0.05, np.cumsum(np.sin(h)) * 0.05, h])
+
+
+@pytest.fixture(scope="module")
+def team(tmp_path_factory):
+    """A folder of true trajectories at 10 Hz, and two of drifting ones at 3 Hz, in another frame."""
+    folder, rng = tmp_path_factory.mktemp("team"), np.random.default_rng(1)
+    for name in ("truth", "mine", "theirs"):
+        (folder / name).mkdir()
+    for r, robot in enumerate(ROBOTS):
+        t, x = true_path(r)
+        write_tum(folder / f"truth/{robot}.txt", t, x)
+        late = t[3::3] + rng.uniform(-0.008, 0.008, len(t[3::3]))
+        for name, spread in (("mine", 0.1), ("theirs", 0.2)):
+            there = x[3::3] + np.cumsum(rng.normal(0, spread / 5, (len(late), 3)), 0) * [1, 1, 0.2]
+            c, s = np.cos(0.4), np.sin(0.4)
+            there[:, :2] = there[:, :2] @ np.array([[c, s], [-s, c]]) + [1, 2]
+            there[:, 2] += 0.4
+            write_tum(folder / f"{name}/{robot}.txt", late, there)
+    return folder
+
+
+EVO = {  # evo 1.3x: evo_ape tum TRUTH MINE --t_max_diff 0.01 [-a, --align_origin], -r angle_rad; evo_rpe -d 1 -u f
+    "none": [(2.713342, 4.040209, 2.621537, 0.306767, 0.031743), (1.476580, 2.457801, 1.334165, 0.397890, 0.027894)],
+    "se2": [(0.163691, 0.318445, 0.147258, 0.094777, 0.031743), (0.149809, 0.288524, 0.136715, 0.027118, 0.027894)],
+    "origin": [(0.233172, 0.444899, 0.213830, 0.110829, 0.031743), (0.264024, 0.468925, 0.220791, 0.021989, 0.027894)],
+}
+
+
+@pytest.mark.parametrize("align", EVO)
+def test_errors_are_those_of_evo_to_six_digits(team, align):
+    rows, notes = judge_trajectories(team / "truth", {"mine": team / "mine"}, align=align)
+    assert rows["name"].tolist() == sorted(ROBOTS)
+    found = rows.set_index("name").loc[list(ROBOTS), ["rmse", "max_error", "mean_error", "heading", "rpe"]]
+    np.testing.assert_allclose(found, EVO[align], atol=1e-6)
+    assert bool(notes) == (align == "none")
+    assert all("if it is in another frame, --align se2" in note for note in notes)
+
+
+def test_methods_are_judged_at_common_times_and_pieces_are_trials(team, tmp_path):
+    lines = (team / "mine/red.txt").read_text().splitlines(keepends=True)
+    (tmp_path / "red.txt").write_text("".join(lines[:150]))
+    (tmp_path / "blue.txt").write_text((team / "mine/blue.txt").read_text())
+    both = {"mine": tmp_path, "theirs": team / "theirs"}
+    rows, _ = judge_trajectories(team / "truth", both, align="team", pieces=5)
+    assert rows.groupby(["estimator", "name"])["ticks"].sum().unstack()["red"].tolist() == [150, 150]
+    table = cl.compare(rows, "mine", full=True)
+    assert table["trials"].tolist() == [5, 5]
+    assert (table["rmse_low"] < table["rmse"]).all()
+    drift = drift_and_heading(rows).set_index("estimator")
+    assert drift.loc["mine", "rpe"] < drift.loc["theirs", "rpe_low"]
+
+
+def test_stamps_meet_as_by_brute_force():
+    rng = np.random.default_rng(3)
+    for _ in range(50):
+        a, b = (np.sort(rng.uniform(0, 10, rng.integers(1, 30))) for _ in range(2))
+        short, long = (b, a) if len(b) <= len(a) else (a, b)
+        expected = [(int(np.abs(long - s).argmin()), k) for k, s in enumerate(short) if np.abs(long - s).min() <= 0.1]
+        i, j = match_stamps(a, b, 0.1)
+        found = zip(i.tolist(), j.tolist(), strict=True)
+        assert [pair if len(b) <= len(a) else pair[::-1] for pair in found] == expected
+
+
+# ---- covariances
+
+
+@pytest.fixture(scope="module")
+def honest():
+    """True poses and estimates of one robot whose errors have the stated covariances, in its own axes."""
+    t, x = true_path(0)
+    rng, P = np.random.default_rng(4), np.diag([0.09, 0.0025, 0.0004])
+    P[0, 2] = P[2, 0] = 0.002
+    error = rng.multivariate_normal(np.zeros(3), P, len(t))
+    c, s = np.cos(x[:, 2]), np.sin(x[:, 2])
+    turned = np.column_stack([c * error[:, 0] - s * error[:, 1], s * error[:, 0] + c * error[:, 1], error[:, 2]])
+    R = np.zeros((len(t), 3, 3))
+    R[:, 0, 0] = R[:, 1, 1] = c
+    R[:, 0, 1], R[:, 1, 0], R[:, 2, 2] = -s, s, 1
+    return t, x, x + turned, np.broadcast_to(P, R.shape), R @ P @ R.mT
+
+
+def written(folder, t, x, P, how):
+    """A folder, or a bag, of one robot with covariances in one of the forms."""
+    folder.mkdir()
+    triangle = P[(slice(None), *np.triu_indices(3))]
+    if how == "csv":
+        named = dict(zip(["Pxx", "Pxy", "Pxh", "Pyy", "Pyh", "Phh"], triangle.T, strict=True))
+        columns = {"Time": t, "X": x[:, 0], "Y": x[:, 1], "theta": x[:, 2], **named}
+        pd.DataFrame(columns).to_csv(folder / "red.csv", index=False)
+    elif how == "bag":
+        with Writer(folder / "bag", version=9) as writer:
+            kind = "geometry_msgs/msg/PoseWithCovarianceStamped"
+            topic = writer.add_connection("/red/pose", kind, typestore=ROS2)
+            for k, stamp in enumerate(t):
+                ns = round(stamp * 1e9)
+                writer.write(topic, ns, bytes(ROS2.serialize_cdr(posed(ns, x[k], P[k]), kind)))
+    else:
+        write_tum(folder / "red.txt", t, x)
+        if how == "beside":
+            np.savetxt(folder / "red.cov.txt", np.column_stack([t, triangle]), fmt="%.17g")
+        else:
+            np.savez(folder / "covariances.npz", red=P)
+    return folder
+
+
+def posed(ns, x, P):
+    types = {name.rpartition("/")[2]: made for name, made in ROS2.types.items() if "_msgs/" in name}
+    stamp = ROS2.types["builtin_interfaces/msg/Time"](sec=ns // 10**9, nanosec=ns % 10**9)
+    place = types["Point"](x=x[0], y=x[1], z=0.0)
+    turn = types["Quaternion"](x=0.0, y=0.0, z=np.sin(x[2] / 2), w=np.cos(x[2] / 2))
+    C = np.zeros((6, 6))
+    C[np.ix_([0, 1, 5], [0, 1, 5])] = P
+    pose = types["PoseWithCovariance"](pose=types["Pose"](position=place, orientation=turn), covariance=C.ravel())
+    header = ROS2.types["std_msgs/msg/Header"](stamp=stamp, frame_id="world")
+    return types["PoseWithCovarianceStamped"](header=header, pose=pose)
+
+
+@pytest.mark.parametrize("how", ["beside", "csv", "npz", "bag"])
+def test_covariances_are_read_in_every_form_and_honest_ones_are_consistent(honest, tmp_path, how):
+    t, true, x, _, P = honest
+    (tmp_path / "truth").mkdir()
+    write_tum(tmp_path / "truth/red.txt", t + 1.0, true)
+    rows, notes = judge_trajectories(tmp_path / "truth", {"mine": written(tmp_path / "mine", t + 1.0, x, P, how)})
+    error = x[:, :2] - true[:, :2]
+    nees = np.einsum("ti,tij,tj->t", error, np.linalg.inv(P[:, :2, :2]), error)
+    assert rows["anees"].item() == pytest.approx(nees.mean() / 2, rel=1e-5)
+    assert rows["anees"].item() == pytest.approx(1, abs=0.15)
+    assert rows["pose_nees"].item() == pytest.approx(1, abs=0.15)
+    assert notes == ()
+
+
+def test_covariances_in_the_robots_axes_are_noticed_and_turned(honest, tmp_path):
+    t, true, x, body, world = honest
+    (tmp_path / "truth").mkdir()
+    write_tum(tmp_path / "truth/red.txt", t, true)
+    mine = {"mine": written(tmp_path / "mine", t, x, body, "beside")}
+    rows, (note,) = judge_trajectories(tmp_path / "truth", mine)
+    assert rows["anees"].item() > 2
+    assert "fit in the axes of the robot" in note
+    assert note.endswith("--axes body")
+    turned, notes = judge_trajectories(tmp_path / "truth", mine, axes="body")
+    straight, _ = judge_trajectories(tmp_path / "truth", {"mine": written(tmp_path / "other", t, x, world, "npz")})
+    assert notes == ()
+    # the filter knows its own heading, not the true one
+    assert turned["anees"].item() == pytest.approx(straight["anees"].item(), rel=0.05)
+
+
+# ---- faults
+
+
+def broken(honest, folder, **change):
+    t, _, x, _, P = honest
+    given = {"t": t, "x": x, "P": P, "how": "npz", **change}
+    return written(folder, *given.values())
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"x": "mirrored"}, r"the path of robot 'red' is mirrored: it fits the truth to [\d.]+ m with y turned"),
+        (
+            {"t": "late"},
+            r"no stamp of robot 'red' \(1000 to 1059.9 s\) is within 0.01 s of one of the truth",
+        ),
+        ({"P": "negative"}, r"covariances.npz, index 7: the covariance is not positive, its least eigenvalue is -"),
+        ({"P": "negative", "how": "csv"}, r"red.csv, line 9: the covariance is not positive"),
+        ({"P": "negative", "how": "beside"}, r"red.cov.txt, line 8: the covariance is not positive"),
+        ({"P": "crooked"}, r"covariances.npz: red holds a matrix that is not symmetric"),
+        ({"P": "short"}, r"covariances.npz: red has shape \(5, 3, 3\), not \(600, 2, 2\) or \(600, 3, 3\)"),
+        ({"P": "absent"}, r"mine: 1 of 600 poses have no covariance: add them, or remove all"),
+    ],
+)
+def test_what_cannot_be_judged_is_one_line(honest, tmp_path, change, said):
+    t, true, x, _, P = honest
+    (tmp_path / "truth").mkdir()
+    write_tum(tmp_path / "truth/red.txt", t, true)
+    negative, crooked, absent = P.copy(), P.copy(), P.copy()
+    negative[7, 0, 0], crooked[7, 0, 1], absent[7] = -1.0, 9.0, np.nan
+    wrong = {
+        "mirrored": x * [1, -1, -1], "late": t + 1000, "negative": negative, "crooked": crooked, "short": P[:5],
+        "absent": absent,
+    }  # fmt: skip
+    folder = broken(honest, tmp_path / "mine", **{key: wrong.get(word, word) for key, word in change.items()})
+    with pytest.raises(cl.BadInput, match=said) as caught:
+        judge_trajectories(tmp_path / "truth", {"mine": folder})
+    assert "\n" not in str(caught.value)
+
+
+def test_a_robot_without_a_file_and_unknown_words_are_one_line(team, tmp_path):
+    (tmp_path / "read.txt").write_text((team / "mine/red.txt").read_text())
+    (tmp_path / "blue.txt").write_text((team / "mine/blue.txt").read_text())
+    with pytest.raises(cl.BadInput, match=r"robot 'red' has no trajectory; did you mean 'read'"):
+        judge_trajectories(team / "truth", {"mine": tmp_path})
+    with pytest.raises(cl.BadInput, match=r"there is no align 'se3'; did you mean 'se2'"):
+        judge_trajectories(team / "truth", {"mine": team / "mine"}, align="se3")
+    with pytest.raises(cl.BadInput, match="pieces is 1000; it must lie between 1 and 99"):
+        judge_trajectories(team / "truth", {"mine": team / "mine"}, pieces=1000)
+
+
+def test_the_command_ranks_methods_and_says_what_is_odd(team, tmp_path):
+    named = ["--tum", f"mine={team / 'mine'}", "--tum", str(team / "theirs")]
+    done = inside("judge", "--truth", team / "truth", *named, "--align", "se2", "--out", tmp_path / "out")
+    assert done.returncode == 0
+    assert done.stdout.index(" mine ") < done.stdout.index(" theirs ")
+    assert pd.read_csv(tmp_path / "out/robots.csv")["robot"].tolist() == ["blue", "red"] * 2
+    assert (tmp_path / "out/rmse.png").exists()
+    assert "another frame" in inside("judge", "--truth", team / "truth", *named).stdout.replace("\n", " ")
+    refused = inside("judge", "--tum", team / "mine")
+    assert "name a stream or scenario, or --truth DIR" in refused.stderr
