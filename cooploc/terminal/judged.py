@@ -32,9 +32,7 @@ def show_trajectories(
     console = wide(stderr=as_json)
     if not as_json:
         if pieces > 1:
-            console.print(
-                f"trials are {pieces} pieces of the recording, one after the other and not independent"
-            )
+            console.print(f"trials are {pieces} pieces of the recording, one after the other and not independent")
         drift = drift_and_heading(rows).rename(columns={"estimator": "method"})
         caption = "drift: RPE [m] between neighbouring poses, heading [rad]; root mean squares"
         for text, found in (
