@@ -27,7 +27,7 @@ import pandas as pd
 
 from cooploc.analysis.metrics.errors import errors
 from cooploc.analysis.metrics.external import COLUMNS, COVARIANCE, COVARIANCES, ELSEWHERE
-from cooploc.analysis.metrics.statistics import mean_of_positive
+from cooploc.analysis.metrics.statistics import FIXED
 from cooploc.estimators.errors import BadInput, nearest
 from cooploc.estimators.interface import Array, Indices, Mask
 from cooploc.estimators.models import wrap
@@ -108,7 +108,7 @@ def drift_and_heading(rows: pd.DataFrame) -> pd.DataFrame:
         one: dict[str, object] = {"estimator": name}
         for column in ("rpe", "heading"):
             squares = part.assign(square=part[column] ** 2).groupby("trial")["square"].mean().to_numpy(float)
-            ends = mean_of_positive(squares) if np.isfinite(squares).all() else (np.nan,) * 3
+            ends = FIXED.mean_of_positive(squares) if np.isfinite(squares).all() else (np.nan,) * 3
             one |= dict(zip((column, f"{column}_low", f"{column}_high"), np.sqrt(ends), strict=True))
         found.append(one)
     return pd.DataFrame(found)
