@@ -24,7 +24,6 @@ from cooploc.api import report as report
 from cooploc.api import reproduce as reproduce
 from cooploc.api import run_study as run_study
 from cooploc.api import sensitivity as sensitivity
-from cooploc.api import show as show
 from cooploc.api import sweep as sweep
 from cooploc.api import tune as tune
 from cooploc.api import verdicts as verdicts
@@ -60,6 +59,7 @@ from cooploc.scenarios.stream import Stream as Stream
 from cooploc.scenarios.stream import Truth as Truth
 from cooploc.scenarios.studies.study import problems as problems
 from cooploc.scenarios.studies.study import studies as studies
+from cooploc.terminal.tables import show as show
 
 estimators: _CallablePackage
 scenarios: _CallablePackage

@@ -376,11 +376,6 @@ def load_run(folder: AnyRun) -> Results:
     return Results(stored.folder, stored.rows, table, stored.comparisons)
 
 
-def show(run: AnyRun) -> None:
-    """Print what a run holds, what is missing, and what failed and why."""
-    tables.show_run(Path(run))
-
-
 def report(
     run: AnyRun,
     out: str | Path | None = None,

@@ -3,6 +3,7 @@
 Its message is one line that states the fact, the place and the remedy; the command line prints it and exits with 2.
 """
 
+import re
 import reprlib
 from collections.abc import Mapping
 from difflib import get_close_matches
@@ -55,9 +56,9 @@ def one_line(e: BaseException) -> str:
 
 
 def message(e: BaseException) -> str:
-    """Return an exception's message on one line, whatever its `__str__` does."""
+    """Return an exception's message on one line, without memory addresses, whatever its `__str__` does."""
     try:
-        return " ".join(str(e).split())
+        return " ".join(re.sub(r" at 0x[0-9a-f]+", "", str(e)).split())
     except BaseException:
         return "its message cannot be read"
 

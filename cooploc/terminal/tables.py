@@ -3,6 +3,7 @@
 import json
 from collections.abc import Mapping, Sequence
 from functools import partial
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -183,12 +184,12 @@ CONTENT_COLUMNS = (
 )
 
 
-def show_run(folder: Path) -> None:
-    """Print what a run holds, what is missing, and what failed and why."""
-    run, console = read_run(folder, empty=True), wide()
-    manifest, decisions, certificates = run.manifest, run.decisions, run.manifest["certificates"]
+def show(run: str | PathLike[str]) -> None:
+    """Print what a run, by its directory or its `Results`, holds, what is missing, and what failed and why."""
+    folder, held, console = Path(run), read_run(Path(run), empty=True), wide()
+    manifest, decisions, certificates = held.manifest, held.decisions, held.manifest["certificates"]
     verdicts = {(one["scenario"], one["estimator"]): one for one in (decisions or {"comparison": []})["comparison"]}
-    ended = run.rows.drop_duplicates(["scenario", "estimator", "trial"])
+    ended = held.rows.drop_duplicates(["scenario", "estimator", "trial"])
     failed = ended[ended["failure"].notna()]
     counts = [table.groupby(["scenario", "estimator"]).size().to_dict() for table in (ended, failed)]
     rows = []
@@ -196,7 +197,7 @@ def show_run(folder: Path) -> None:
         for estimator, asked in cell["estimators"].items():
             key = (scenario, estimator)
             there, lost = (count.get(key, 0) for count in counts)
-            corrupt = sum(part[:2] == key for part in run.damaged)
+            corrupt = sum(part[:2] == key for part in held.damaged)
             remarks = [f"{count_of(corrupt, 'corrupt part')}, will be computed again"] * (corrupt > 0)
             remarks += ["not finished"] * (there < asked)
             row = {"experiment": cell["experiment"], "scenario": scenario, "estimator": estimator}
@@ -212,7 +213,7 @@ def show_run(folder: Path) -> None:
     console.print(f"cooploc {versions['cooploc']}{commit}, Python {versions['python']}, on {manifest['cpu']}\n")
     console.print(Table("contents", "", shown, rows).terminal())
     if decisions:
-        console.print(decision_line(run.rows, decisions))
+        console.print(decision_line(held.rows, decisions))
     for label, certificate in certificates.items():
         console.print(f"\n{shorten_labels(label)}, {certificate['status']}: {certificate['found']}")
         for one in certificate["checks"]:
