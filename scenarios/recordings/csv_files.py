@@ -13,7 +13,7 @@ from cooploc.estimators.interface import Array
 from cooploc.scenarios.recordings import schema
 from cooploc.scenarios.recordings.schema import LogColumn, ReadingColumns, Source, TeamDescription
 from cooploc.scenarios.recordings.team_log import Measured, Series, TeamLog, build_log, order_series, reading_tables
-from cooploc.scenarios.recordings.text_files import count_of, has_columns, read_lines
+from cooploc.scenarios.recordings.text_files import count_of, read_lines, read_text, split_fields
 
 
 def find_runs(data: Path, description: TeamDescription) -> dict[str, Path]:
@@ -51,7 +51,11 @@ def read_run(place: Path, name: str, description: TeamDescription) -> TeamLog:
     d, run, zero = description, RunFiles(place, name, description, []), 0.0
     moves, poses = d.odometry_and_truth
     if d.sample.tick == "lines":
-        run = run._replace(zero=_first_stamp(run, poses))
+        rows = next(rows_of(run, poses, [poses.x, poses.y], ()))
+        known = np.flatnonzero(np.isfinite(rows.values).all(-1) & np.isfinite(rows.time))
+        if not len(known):
+            raise BadInput(f"{rows.path}: no line has a true position; check the columns named in [truth]")
+        run = run._replace(zero=np.asarray(rows.stamp[known[0]], float))
         zero = float((run.zero * np.array([column.factor for column in moves.time])).sum())
     odometry = _by_robot(run, moves, [getattr(moves, column) for column in schema.COLUMNS[moves.kind]])
     truth = _by_robot(run, poses, [poses.x, poses.y, poses.heading])
@@ -98,7 +102,9 @@ def rows_of(
     if not any(path.is_file() for path, _ in lines_of):
         raise BadInput(f"{next(iter(lines_of))[0]}: there is no such file; put it there, or correct `file` in log.toml")
     for (path, own), (robot, other) in lines_of.items():
-        if not path.is_file() or (in_columns and not has_columns(path, own, delimiter)):
+        if not path.is_file():
+            continue
+        if in_columns and not {*own} <= {*split_fields(read_text(path, "utf-8-sig"), delimiter)[0]}:
             continue
         lines = read_lines(path, own, named, delimiter)
         run.warnings.extend(lines.notes)
@@ -122,15 +128,6 @@ def _heading(*xyzw: Array) -> Array:
     return np.asarray(np.arctan2(2 * (w * z + x * y), w**2 + x**2 - y**2 - z**2))
 
 
-def _first_stamp(run: RunFiles, poses: schema.GroundTruth) -> Array:
-    """Return the columns of time on the first line with a true position."""
-    rows = next(rows_of(run, poses, [poses.x, poses.y], ()))
-    known = np.flatnonzero(np.isfinite(rows.values).all(-1) & np.isfinite(rows.time))
-    if not len(known):
-        raise BadInput(f"{rows.path}: no line has a true position; check the columns named in [truth]")
-    return np.asarray(rows.stamp[known[0]], float)
-
-
 def _by_robot(run: RunFiles, table: Source, columns: Sequence[LogColumn | None]) -> Mapping[str, Series]:
     """Return the series of each robot, from the first file that has lines of it."""
     found: dict[str, Series] = {}
@@ -138,13 +135,13 @@ def _by_robot(run: RunFiles, table: Source, columns: Sequence[LogColumn | None])
     for rows in rows_of(run, table, columns, ()):
         for robot in dict.fromkeys(rows.robot):
             mine = np.flatnonzero([name == robot for name in rows.robot])
-            if robot not in run.description.robots and robot not in strangers:
+            if robot in run.description.robots and robot not in found:
+                found[robot], notes = order_series(rows.time[mine], rows.values[mine], str(rows.path))
+                run.warnings.extend(notes)
+            elif robot not in run.description.robots and robot not in strangers:
                 strangers.add(robot)
                 left_out = f"{len(mine)} lines of {short_repr(robot)}, which is not in `robots`, were left out"
                 run.warnings.append(f"{rows.path}: {left_out}")
-            elif robot in run.description.robots and robot not in found:
-                found[robot], notes = order_series(rows.time[mine], rows.values[mine], str(rows.path))
-                run.warnings.extend(notes)
     return found
 
 

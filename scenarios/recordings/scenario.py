@@ -186,14 +186,12 @@ class TeamScenario(schema.Model):
         if self.robust is None:
             how, choice = choose_fit(log, parts, how)
         models = team_models(log, parts, how)
-        if self.folder.description.arena:
-            arena = np.array(self.folder.description.arena, float)
-            return JudgedRun(log, grid, parts, models, arena, how, choice)
-        fixed = np.concatenate([log.anchors.positions, log.landmarks.positions])
-        if not len(fixed):
+        stated, fixed = self.folder.description.arena, np.concatenate([log.anchors.positions, log.landmarks.positions])
+        if not stated and not len(fixed):
             lack = "there are no fixed things around which the arena lies; state its corners [m] in log.toml"
             raise BadInput(f"{self.folder.data}: {lack}: arena = [[0, 0], [6, 4]]")
-        return JudgedRun(log, grid, parts, models, arena_around(fixed), how, choice)
+        arena = np.array(stated, float) if stated else arena_around(fixed)
+        return JudgedRun(log, grid, parts, models, arena, how, choice)
 
     @cached_property
     def _by_trial(self) -> dict[int, "TeamScenario"]:

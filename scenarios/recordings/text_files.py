@@ -9,6 +9,7 @@ import csv
 import re
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from reprlib import repr as short_repr
@@ -91,28 +92,25 @@ def read_table(path: Path, columns: Sequence[str], strict: bool = False) -> Text
     rows = [(i, line) for i, line in enumerate(lines, 1) if line and not line.isspace()]
     if not rows:
         raise BadInput(f"{path}: the file is empty, it has no line of {', '.join(columns)}; get the file again")
-    try:
-        values, faults = np.loadtxt([line for _, line in rows], ndmin=2), list[Fault]()
-        if values.shape[1] != len(columns) or not (np.abs(values) <= LARGEST).all():
-            raise ValueError
-    except ValueError:
-        faults = [fault for i, line in rows if (fault := _fault(i, line.split(), columns))]
-        if faults and strict:
-            raise BadInput(f"{path}, line {faults[0][0]}: {faults[0][1]}; correct or remove the line") from None
-        notes, bad = leave_out(path, faults, len(rows)), {line for line, _ in faults}
-        rows = [(i, line) for i, line in rows if i not in bad]
+    values, faults = np.empty((0, 0)), list[Fault]()
+    with suppress(ValueError):
+        values = np.loadtxt([line for _, line in rows], ndmin=2)
+    if values.shape[1] != len(columns) or not (np.abs(values) <= LARGEST).all():
+        faults = [(i, why) for i, line in rows if (why := _fault(line.split(), columns))]
+    if faults and strict:
+        raise BadInput(f"{path}, line {faults[0][0]}: {faults[0][1]}; correct or remove the line")
+    notes = leave_out(path, faults, len(rows))
+    if faults:
+        rows = [(i, line) for i, line in rows if i not in dict(faults)]
         values = np.array([[float(word) for word in line.split()] for _, line in rows])
-        return TextTable(path, values, np.array([i for i, _ in rows], np.int64), notes=notes)
-    return TextTable(path, values, np.array([i for i, _ in rows], np.int64))
+    return TextTable(path, values, np.array([i for i, _ in rows], np.int64), notes=notes)
 
 
-def _fault(line: int, words: Sequence[str], columns: Sequence[str]) -> Fault | None:
+def _fault(words: Sequence[str], columns: Sequence[str]) -> str:
     if len(words) != len(columns):
-        return line, f"{len(words)} columns, not {len(columns)} ({', '.join(columns)})"
-    for word, name in zip(words, columns, strict=True):
-        if not np.isfinite(parse_number(word)):
-            return line, f"{name} is {short_repr(word)}, which is not a number"
-    return None
+        return f"{len(words)} columns, not {len(columns)} ({', '.join(columns)})"
+    bad = ((name, word) for name, word in zip(columns, words, strict=True) if not np.isfinite(parse_number(word)))
+    return next((f"{name} is {short_repr(word)}, which is not a number" for name, word in bad), "")
 
 
 def time_order(stamps: Array) -> tuple[Indices, tuple[str, ...]]:
@@ -121,15 +119,13 @@ def time_order(stamps: Array) -> tuple[Indices, tuple[str, ...]]:
     Stamps that step back by up to `MAX_STEP_BACK` are sorted. Where one steps back by more, a stamp is wrong: the
     longest sequence of rows that rises in their order is kept.
     """
-    late = np.maximum.accumulate(stamps) - stamps if len(stamps) else stamps
-    back = int((np.diff(stamps) < 0).sum())
-    if not (late > MAX_STEP_BACK).any():
-        return np.argsort(stamps, kind="stable"), (f"stamps step back, {count_of(back, 'time')}; they were sorted",) * (
-            back > 0
-        )
-    kept = longest_rise(stamps)
-    worst = f"by up to {late.max():.3g} s"
-    return kept, (f"stamps step back {worst}; left out {count_of(len(stamps) - len(kept), 'line')} out of order",)
+    late, back = np.maximum.accumulate(stamps) - stamps, int((np.diff(stamps) < 0).sum())
+    if (late > MAX_STEP_BACK).any():
+        kept = longest_rise(stamps)
+        lost = count_of(len(stamps) - len(kept), "line")
+        return kept, (f"stamps step back by up to {late.max():.3g} s; left out {lost} out of order",)
+    notes = (f"stamps step back, {count_of(back, 'time')}; they were sorted",) if back else ()
+    return np.argsort(stamps, kind="stable"), notes
 
 
 def count_of(number: int, what: str) -> str:
@@ -172,16 +168,11 @@ def whole_numbers(table: TextTable, column: int, name: str, unique: bool = False
 COMMENTS = ("#", "%", "//")  # begin a line above the names of the columns
 
 
-class FieldsBelow(NamedTuple):
-    """A text file in fields: the names of its columns, and the lines below them."""
-
-    head: list[str]
-    line: int  # of the names, from 1
-    rows: list[tuple[int, list[str]]]  # number of the line from 1, and its fields
+Rows = list[tuple[int, list[str]]]  # number of a line from 1, and its fields
 
 
-def split_fields(text: str, delimiter: str) -> FieldsBelow:
-    """Return the names of the columns and the lines below them, those that are blank left out.
+def split_fields(text: str, delimiter: str) -> tuple[list[str], int, Rows]:
+    """Return the names of the columns, their line from 1, and the lines below it, those that are blank left out.
 
     Names stand in the first line, or in the last comment above it, or are "1", "2" ... where that line has numbers
     already. An empty field at the end of a line, for which there is no name, does not count.
@@ -190,13 +181,17 @@ def split_fields(text: str, delimiter: str) -> FieldsBelow:
     above = next((k for k, (_, fields) in enumerate(rows) if not fields[0].startswith(COMMENTS)), len(rows))
     comments, rows = rows[:above], rows[above:]
     if not rows:
-        return FieldsBelow([], 1, [])
+        return [], 1, []
     line, head = rows[0]
+    named = list[str]()
+    if comments:
+        words = text.split("\n")[comments[-1][0] - 1].lstrip("#%/ ")
+        named = next((fields for _, fields in fields_of(words, delimiter)), [])
     has_number = [np.isfinite(parse_field(field)) for field in head]
     below = [fields for _, fields in rows[1:4]]
     if any(np.isfinite(parse_field(b)) > a for fields in below for a, b in zip(has_number, fields, strict=False)):
         rows = rows[1:]  # it has a word where there are numbers below
-    elif comments and len(named := _uncomment(text, comments[-1][0], delimiter)) == len(head) > 1:
+    elif len(named) == len(head) > 1:
         line, head = comments[-1][0], named
     elif all(has_number) and len(rows) > 1:
         head = [str(k + 1) for k in range(len(head))]
@@ -204,13 +199,7 @@ def split_fields(text: str, delimiter: str) -> FieldsBelow:
         rows = rows[1:]
     n = len(head)
     rows = [(i, fields[:n] if len(fields) == n + 1 and not fields[-1] else fields) for i, fields in rows]
-    return FieldsBelow([name.lstrip("#%").strip() for name in head], line, rows)
-
-
-def _uncomment(text: str, line: int, delimiter: str) -> list[str]:
-    """Return the fields of a comment."""
-    words = text.split("\n")[line - 1].lstrip("#%/ ")
-    return next((fields for _, fields in fields_of(words, delimiter)), [])
+    return [name.lstrip("#%").strip() for name in head], line, rows
 
 
 def read_lines(path: Path, numbers: Sequence[str], names: Sequence[str], delimiter: str) -> TextTable:
@@ -261,11 +250,6 @@ def fields_of(text: str, delimiter: str) -> Iterator[tuple[int, list[str]]]:
         fields = [field.strip() for field in raw]
         if any(fields):
             yield i, fields
-
-
-def has_columns(path: Path, names: Sequence[str], delimiter: str) -> bool:
-    """Return whether a file has columns of these names."""
-    return {*names} <= {*split_fields(read_text(path, "utf-8-sig"), delimiter).head}
 
 
 def find_column(path: Path, line: int, head: list[str], name: str) -> int:

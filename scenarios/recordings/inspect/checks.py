@@ -14,26 +14,7 @@ from scipy.optimize import linear_sum_assignment
 
 from cooploc.estimators.interface import Array, Mask
 from cooploc.estimators.models import wrap
-from cooploc.scenarios.recordings.inspect.motion import (
-    FEWEST,
-    TABLES,
-    RobotMotion,
-    Steps,
-    SummedMotion,
-    concentration,
-    course,
-    course_turns,
-    distances,
-    known_truth,
-    moves,
-    pairs,
-    quantile,
-    range_channels,
-    robot_motion,
-    robust_sd,
-    robust_slope,
-    true_turns,
-)
+from cooploc.scenarios.recordings.inspect import motion
 from cooploc.scenarios.recordings.sampling import ends
 from cooploc.scenarios.recordings.team_log import ReadingSeries, Series, TeamLog, other_names
 
@@ -158,17 +139,15 @@ POSITIONS = ((0, 1), ("x", "y"))
 LENGTHS = {"velocity": ((0,), ("speed",)), "path": ((0,), ("length",)), "displacement": ((0, 1), ("dx", "dy"))}
 
 
-def unit_of_ratio(
-    ratio: float, units: tuple[tuple[str, str, float], ...], near: float
-) -> tuple[str, str, float] | None:
+def unit_of_ratio(ratio: float, units: tuple[Unit, ...], near: float) -> Unit | None:
     """Return the unit whose factor the ratio of measured to true values has, up to a factor of `near`."""
     return next((unit for unit in units if unit[2] / near < ratio < unit[2] * near), None)
 
 
 def check_lengths(c: CheckedLog, i: int) -> None:
     """Find lengths of truth or odometry in mm or cm: the third quartile of their speeds differs by 1000 or 100."""
-    m, odometry = robot_motion(c.log, i), c.log.odometry[i]
-    driven, moved = (quantile(np.abs(m.steps(motion).length), 0.75, 8) / m.window for motion in (m.odometry, m.truth))
+    m, odometry = motion.robot_motion(c.log, i), c.log.odometry[i]
+    driven, moved = (motion.quantile(np.abs(m.steps(of).length), 0.75, 8) / m.window for of in (m.odometry, m.truth))
     sides = (
         ("truth", "the truth is", moved, "odometry", driven, m.poses, POSITIONS),
         ("odometry", "odometry is", driven, "the truth", moved, odometry, LENGTHS.get(c.log.odometry_kind, POSITIONS)),
@@ -185,23 +164,23 @@ def check_lengths(c: CheckedLog, i: int) -> None:
 
 def check_heading_unit(c: CheckedLog, i: int) -> None:
     """Find headings of the truth in degrees or radians, compared with the direction of its own moves."""
-    m = robot_motion(c.log, i)
+    m = motion.robot_motion(c.log, i)
     t, heading = m.poses.time, m.poses.values[:, 2]
     edges = np.arange(t[0], t[-1], m.window) if len(t) else t
     if np.isfinite(heading).sum() < 10 or len(edges) < 3:
         return
-    direction = course(m.steps(m.truth, edges).move)
+    direction = motion.course(m.steps(m.truth, edges).move)
     there = heading[np.clip(np.searchsorted(t, edges[:-1] + m.window / 2), 0, len(t) - 1)]
     largest = float(np.nanmax(np.abs(heading)))
 
-    def agreement(factor: float) -> float:
-        return max(concentration(factor * there - direction)[0], concentration(factor * there + direction)[0])
-
-    as_read = agreement(1.0)
+    as_read, in_degrees, in_radians = (
+        max(motion.concentration(factor * there - direction)[0], motion.concentration(factor * there + direction)[0])
+        for factor in (1.0, DEGREE, 1 / DEGREE)
+    )
     needed = max(0.6, as_read + 0.3)
-    if largest > 2.1 * np.pi and agreement(DEGREE) > needed:
+    if largest > 2.1 * np.pi and in_degrees > needed:
         kind, unit, factor = ANGLE_UNITS[0]
-    elif concentration(direction)[0] < 0.8 and agreement(1 / DEGREE) > needed:
+    elif motion.concentration(direction)[0] < 0.8 and in_radians > needed:
         kind, unit, factor = ANGLE_UNITS[1]
     else:
         return
@@ -214,9 +193,9 @@ def check_turn_unit(c: CheckedLog, i: int) -> None:
     """Find odometry that turns about 57 times as fast as the truth, or 1/57."""
     if c.log.odometry_kind == "displacement":
         return
-    m, odometry = robot_motion(c.log, i), c.log.odometry[i]
-    measured = quantile(np.abs(m.steps(m.odometry).turn), 0.75, 8)
-    true = quantile(np.abs(true_turns(m.steps(m.truth))), 0.75, 8)
+    m, odometry = motion.robot_motion(c.log, i), c.log.odometry[i]
+    measured = motion.quantile(np.abs(m.steps(m.odometry).turn), 0.75, 8)
+    true = motion.quantile(np.abs(motion.true_turns(m.steps(m.truth))), 0.75, 8)
     column, name, per = (2, "heading", "") if c.log.odometry_kind == "pose" else (1, "turn_rate", "/s")
     ratio = measured / true if true > 0.01 * m.window else np.nan
     if found := unit_of_ratio(ratio, ANGLE_UNITS, 2.5):
@@ -247,10 +226,16 @@ class ClockFit(NamedTuple):
 
 
 def check_clocks(c: CheckedLog) -> None:
-    """Find truths that belong to other robots than their names say, and truths whose stamps are shifted."""
-    motions = [robot_motion(c.log, i) for i in range(len(c.log.robots))]
-    own = {i: _best_fit(m, m.truth) for i, m in enumerate(motions) if moves(c.log, i)}
-    truths, robots = c.log.truth, c.log.robots
+    """Find truths that belong to other robots than their names say, and truths whose stamps are shifted.
+
+    With no time in common, odometry and truth are taken to begin together.
+    """
+    motions, robots, truths = (
+        [motion.robot_motion(c.log, i) for i in range(len(c.log.robots))],
+        c.log.robots,
+        c.log.truth,
+    )
+    own = {i: _best_fit(m, m.truth) for i, m in enumerate(motions) if motion.moves(c.log, i)}
     for i, (j, correlation) in _find_exchanged(motions, own).items():
         fact = f"odometry of {robots[i]} fits the truth of {robots[j]} (correlation {correlation:.2f}), not its own"
         fact += f" ({own[i].correlation:.2f})"
@@ -260,33 +245,26 @@ def check_clocks(c: CheckedLog) -> None:
             c.correct("truth", i, other)
             own[i] = _best_fit(motions[i], motions[j].truth)
     for i in range(len(robots)):
-        _check_clock(c, i, own.get(i))
+        m = motion.robot_motion(c.log, i)
+        t, wheels, apart, fit = m.truth.time, m.odometry.time, 0.0, own.get(i)
+        if len(t) and len(wheels) and min(t[-1], wheels[-1]) <= max(t[0], wheels[0]):
+            apart = float(t[0] - wheels[0])
+            fit = _best_fit(m, m.truth._replace(time=t - apart))
+        if fit is None or not len(t):
+            continue
+        if not apart:
+            interval = max(float(np.median(np.diff(stamps))) for stamps in (wheels, t))
+            if fit.correlation < FITS or fit.evidence <= EVIDENCE or abs(fit.shift) < max(0.05, 1.5 * interval):
+                continue
+        shift = apart + fit.shift
+        fact = f"the truth's stamps are {shift:+.4g} s from odometry's (correlation {fit.correlation:.2f}"
+        fact += " once both begin together)" if apart else f"; {fit.unshifted:.2f} without the shift)"
+        sure, offset = "sure" if fit.correlation > 0.7 else "likely", f"{-shift:{'.12g' if apart else '.4g'}}"
+        c.add("clock", i, m.poses.source, fact, sure, f"clock_offset = {offset}", "truth")
+        c.correct("truth", i, m.poses._replace(time=t - shift))
 
 
-def _check_clock(c: CheckedLog, i: int, fit: ClockFit | None) -> None:
-    """Find a truth whose stamps are later or earlier than odometry's; with no time in common, begin both together."""
-    m = robot_motion(c.log, i)
-    t, wheels, apart = m.truth.time, m.odometry.time, 0.0
-    if not len(t):
-        return
-    if len(wheels) and min(t[-1], wheels[-1]) <= max(t[0], wheels[0]):
-        apart = float(t[0] - wheels[0])
-        fit = _best_fit(m, m.truth._replace(time=t - apart))
-    if fit is None:
-        return
-    if not apart:
-        interval = max(float(np.median(np.diff(stamps))) for stamps in (wheels, t))
-        if fit.correlation < FITS or fit.evidence <= EVIDENCE or abs(fit.shift) < max(0.05, 1.5 * interval):
-            return
-    shift = apart + fit.shift
-    fact = f"the truth's stamps are {shift:+.4g} s from odometry's (correlation {fit.correlation:.2f}"
-    fact += " once both begin together)" if apart else f"; {fit.unshifted:.2f} without the shift)"
-    sure = "sure" if fit.correlation > 0.7 else "likely"
-    c.add("clock", i, m.poses.source, fact, sure, f"clock_offset = {-shift:{'.12g' if apart else '.4g'}}", "truth")
-    c.correct("truth", i, m.poses._replace(time=t - shift))
-
-
-def _find_exchanged(motions: list[RobotMotion], own: Mapping[int, ClockFit]) -> dict[int, tuple[int, float]]:
+def _find_exchanged(motions: list[motion.RobotMotion], own: Mapping[int, ClockFit]) -> dict[int, tuple[int, float]]:
     """Return robots whose odometry fits another one's truth, not their own -> that other, and the correlation."""
     if sum(fit.correlation < OWN for fit in own.values()) < 2:
         return {}
@@ -297,7 +275,7 @@ def _find_exchanged(motions: list[RobotMotion], own: Mapping[int, ClockFit]) -> 
     return better if set(better) == {j for j, _ in better.values()} else {}
 
 
-def _best_fit(m: RobotMotion, truth: SummedMotion) -> ClockFit:
+def _best_fit(m: motion.RobotMotion, truth: motion.SummedMotion) -> ClockFit:
     """Return the shift at which a robot's odometry fits a truth best.
 
     Of the peaks of correlation that are as likely as the highest, it is the one of least shift, since a robot in laps
@@ -329,7 +307,7 @@ def _best_fit(m: RobotMotion, truth: SummedMotion) -> ClockFit:
     return ClockFit(float(fine[best]), float(sharp[best]), unshifted, float((with_it - without) * np.sqrt(windows / 2)))
 
 
-def _agreement(measured: Steps, true: Steps) -> float:
+def _agreement(measured: motion.Steps, true: motion.Steps) -> float:
     """Return the correlation of moves over all turns and reflections; else of lengths and turns of any sign.
 
     The first is the nuclear norm of the moves' products; of the second 1 - R^2 = (1 - r^2) (1 - s^2).
@@ -339,7 +317,7 @@ def _agreement(measured: Steps, true: Steps) -> float:
         a, b = measured.move[known].T, true.move[known].T
         scale = np.sqrt((a**2).sum() * (b**2).sum())
         return float(np.linalg.norm(a @ b.T, "nuc") / scale) if known.sum() >= FEWEST_WINDOWS and scale > 0 else 0.0
-    r, s = max(_correlation(measured.length, true.length), 0.0), _correlation(measured.turn, true_turns(true))
+    r, s = max(_correlation(measured.length, true.length), 0.0), _correlation(measured.turn, motion.true_turns(true))
     return float(np.sqrt(1 - (1 - r**2) * (1 - s**2)))
 
 
@@ -353,12 +331,12 @@ def _correlation(a: Array, b: Array) -> float:
     return float(((a - a.mean()) * (b - b.mean())).mean() / scale) if scale > 1e-12 else 0.0
 
 
-def _drop_jumps(steps: Steps) -> Steps:
+def _drop_jumps(steps: motion.Steps) -> motion.Steps:
     """Return the steps with those longer than ten times the mean as not known."""
     length = np.abs(steps.length)
     known = length[np.isfinite(length)]
     jump = length > 10 * known.mean() if len(known) else np.zeros(len(length), bool)
-    return Steps(*(np.where(jump if part.ndim == 1 else jump[:, None], np.nan, part) for part in steps))
+    return motion.Steps(*(np.where(jump if part.ndim == 1 else jump[:, None], np.nan, part) for part in steps))
 
 
 # --- Positions that cannot be
@@ -372,7 +350,7 @@ STALE_PLACE = 0.5  # [m] the same where the heading goes on: one that turns on t
 
 def check_stale(c: CheckedLog, i: int) -> None:
     """Find positions that are repeated exactly while odometry says that the robot drives."""
-    m = robot_motion(c.log, i)
+    m = motion.robot_motion(c.log, i)
     t, change = m.truth.time, np.diff(m.poses.values, axis=0)
     if not len(t) or len(m.odometry.time) < 2:
         return
@@ -399,7 +377,7 @@ def check_stale(c: CheckedLog, i: int) -> None:
 
 def check_jumps(c: CheckedLog, i: int) -> None:
     """Find positions between a step away and the step back, at most a second later; who does not return has moved."""
-    truth = known_truth(c.log, i)
+    truth = motion.known_truth(c.log, i)
     if truth is None:
         return
     t, apart = truth.time, np.hypot(*np.diff(truth.values[:, :2], axis=0).T)
@@ -440,19 +418,22 @@ MIRRORS = {  # by eighths of a turn
 
 def check_frame(c: CheckedLog, i: int) -> None:
     """Find frames, headings and turn rates of the wrong sign, of a robot whose odometry turns."""
-    if not moves(c.log, i):
+    if not motion.moves(c.log, i):
         return
-    m = robot_motion(c.log, i)
+    m = motion.robot_motion(c.log, i)
     poses = m.poses.values
     own = np.arange(m.truth.time[0], m.truth.time[-1], m.window)
-    direction, driven = course(m.steps(m.truth, own).move), m.steps(m.odometry, own).length
+    direction, driven = motion.course(m.steps(m.truth, own).move), m.steps(m.odometry, own).length
     direction = np.where(driven < 0, wrap(direction + np.pi), direction)  # it drives backwards
     heading = wrap(np.interp(own[:-1] + m.window / 2, m.truth.time, m.truth.turn))
-    follows, offset = concentration(heading - direction)
-    opposes, mirror = concentration(heading + direction)
+    follows, offset = motion.concentration(heading - direction)
+    opposes, mirror = motion.concentration(heading + direction)
     measured, true = m.common_steps()
     smoothed = np.convolve(measured.turn, np.full(3, 1 / 3), "same") if len(measured.turn) > 3 else measured.turn
-    of_heading, of_course = robust_slope(true.turn, measured.turn), robust_slope(course_turns(true.move), smoothed)
+    of_heading, of_course = (
+        motion.robust_slope(true.turn, measured.turn),
+        motion.robust_slope(motion.course_turns(true.move), smoothed),
+    )
     headed = bool(np.isfinite(of_heading[0]))
     slope, error = of_heading if headed else of_course
     reversed_turns = slope < -0.3 and slope < -SIGN * error
@@ -487,11 +468,11 @@ def check_frame(c: CheckedLog, i: int) -> None:
 
 def check_compass_frame(c: CheckedLog, i: int) -> None:
     """Find the turn or reflection that takes displacements to the true moves (orthogonal Procrustes)."""
-    measured, true = (steps.move for steps in robot_motion(c.log, i).common_steps())
-    if not moves(c.log, i) or (np.isfinite(measured) & np.isfinite(true)).all(axis=1).sum() < 20:
+    measured, true = (steps.move for steps in motion.robot_motion(c.log, i).common_steps())
+    if not motion.moves(c.log, i) or (np.isfinite(measured) & np.isfinite(true)).all(axis=1).sum() < 20:
         return
-    follows, offset = concentration(wrap(course(true) - course(measured)))
-    opposes, mirror = concentration(wrap(course(true) + course(measured)))
+    follows, offset = motion.concentration(wrap(motion.course(true) - motion.course(measured)))
+    opposes, mirror = motion.concentration(wrap(motion.course(true) + motion.course(measured)))
     if opposes > FOLLOWS and opposes > follows + 0.2:
         fact = f"the positions move as the mirror image of odometry (agreement {opposes:.2f})"
         _add_mirror(c, i, mirror, fact, "likely")
@@ -506,7 +487,7 @@ def _add_mirror(c: CheckedLog, i: int, mirror: float, fact: str, sure: str) -> N
     """Report positions mirrored in a line at half of `mirror` [rad], and reflect them."""
     line = f"in a line at {np.degrees(mirror) / 2:.0f} deg"
     kind, words, setting = MIRRORS.get(int(np.rint(mirror / (np.pi / 4))), ("mirrored", line, BACK))
-    truth = robot_motion(c.log, i).poses
+    truth = motion.robot_motion(c.log, i).poses
     cosine, sine = np.cos(mirror), np.sin(mirror)
     values = truth.values.copy()
     values[:, :2] = values[:, :2] @ np.array([[cosine, sine], [sine, -cosine]])
@@ -523,22 +504,25 @@ BIAS_KEYS = {"range": "range_bias", "anchor_range": "anchor_range_bias"}
 
 def check_range_units(c: CheckedLog) -> None:
     """Find ranges that are 100 or 1000 times the distance; within a factor of 2.5, as frames may still be wrong."""
-    for channel, readings in range_channels(c.log):
-        ratio = quantile(readings.values[:, 0] / distances(c.log, channel), 0.5)
+    for channel, readings in motion.range_channels(c.log):
+        ratio = motion.quantile(readings.values[:, 0] / motion.distances(c.log, channel), 0.5)
         if unit := unit_of_ratio(ratio, LENGTH_UNITS, 2.5):
             fact, setting = f"ranges are {ratio:.3g} times the distances", f'unit = "{unit[1]}"'
-            c.add("unit", None, readings.source, fact, "sure", setting, TABLES[channel], ("range",))
+            c.add("unit", None, readings.source, fact, "sure", setting, motion.TABLES[channel], ("range",))
             c.correct(channel, None, divide_columns(readings, unit[2], (0,)))
 
 
 def check_biases(c: CheckedLog) -> None:
     """Find ranges of a pair that are too long or too short by a constant."""
-    for channel, readings in range_channels(c.log):
-        residual = readings.values[:, 0] - distances(c.log, channel)
+    for channel, readings in motion.range_channels(c.log):
+        residual = readings.values[:, 0] - motion.distances(c.log, channel)
         found = {}
-        for i, k, rows in pairs(readings, channel):
-            bias, error = quantile(residual[rows], 0.5), 1.2533 * robust_sd(residual[rows]) / np.sqrt(len(rows))
-            if np.isfinite(residual[rows]).sum() >= FEWEST and abs(bias) > max(BIAS, 5 * error):
+        for i, k, rows in motion.pairs(readings, channel):
+            bias, error = (
+                motion.quantile(residual[rows], 0.5),
+                1.2533 * motion.robust_sd(residual[rows]) / np.sqrt(len(rows)),
+            )
+            if np.isfinite(residual[rows]).sum() >= motion.FEWEST and abs(bias) > max(BIAS, 5 * error):
                 found[f"{c.log.robots[i]}-{other_names(c.log, channel)[k]}"] = bias
         if found:
             fact = "ranges minus distances, medians: " + ", ".join(f"{pair} {b:+.2f} m" for pair, b in found.items())
@@ -553,13 +537,13 @@ CAMERA_OFFSET = 0.15  # [rad] of a camera against straight ahead
 def check_bearings(c: CheckedLog) -> None:
     """Find bearings in degrees, to the right, or from elsewhere than straight ahead."""
     place = ("sightings", ("bearing",))
-    for channel, readings in range_channels(c.log):
-        if TABLES[channel] != "sightings":
+    for channel, readings in motion.range_channels(c.log):
+        if motion.TABLES[channel] != "sightings":
             continue
         here, there = ends(c.log, channel)
         x, y = (there - here[:, :2]).T
         expected = wrap(np.arctan2(y, x) - here[:, 2])
-        if np.isfinite(expected).sum() < FEWEST:
+        if np.isfinite(expected).sum() < motion.FEWEST:
             continue
         largest = np.nanmax(np.abs(readings.values[:, 1]))
         if largest > 2.1 * np.pi:
@@ -568,8 +552,11 @@ def check_bearings(c: CheckedLog) -> None:
             readings = divide_columns(readings, 180 / np.pi, (1,))
             c.correct(channel, None, readings)
         bearing = readings.values[:, 1]
-        (follows, offset), (opposes, _) = concentration(bearing - expected), concentration(bearing + expected)
-        if opposes > max(FOLLOWS, follows + 0.1) and concentration(expected)[0] < 0.95:
+        (follows, offset), (opposes, _) = (
+            motion.concentration(bearing - expected),
+            motion.concentration(bearing + expected),
+        )
+        if opposes > max(FOLLOWS, follows + 0.1) and motion.concentration(expected)[0] < 0.95:
             fact = f"bearings grow to the right (agreement {opposes:.2f}, {follows:.2f} to the left)"
             c.add("bearing", None, readings.source, fact, "sure", "write -bearing into the files", *place)
             c.correct(channel, None, divide_columns(readings, -1.0, (1,)))

@@ -154,25 +154,21 @@ def count_measurements(log: TeamLog) -> tuple[tuple[str, ...], tuple[str, ...], 
 
 
 def try_draft(data: Path, description: schema.TeamDescription) -> Trial:
-    """Return what is judged of every run, or why they do not run."""
+    """Simulate every run in a directory; return what is judged of each, or why they do not run."""
+    lines = []
     try:
-        return try_recordings(data, description)
+        scenario = TeamScenario.from_description(data, description)
+        for k in range(scenario.count()):
+            run = scenario.at([k])
+            truth, stream = run.simulate("log", [k], 0, run.world())
+            if not truth.valid.any():
+                raise BadInput(f"run {run.run!r}: no true position is known in the part that is judged")
+            seconds = stream.world.tick * len(stream.time)
+            robots = f"{stream.robots} robot{'s' * (stream.robots > 1)}"
+            weak = f"; it {NO_ORDER}: " + "; ".join(reasons) if (reasons := run.weaknesses(truth, stream)) else ""
+            lines.append(f"run {run.run!r}: {robots}, {float(f'{seconds:.3g}'):g} s are judged{weak}")
     except BadInput as e:
         return Trial(str(e))
-
-
-def try_recordings(data: Path, description: schema.TeamDescription) -> Trial:
-    """Simulate every run that a description finds in a directory."""
-    scenario, lines = TeamScenario.from_description(data, description), []
-    for k in range(scenario.count()):
-        run = scenario.at([k])
-        truth, stream = run.simulate("log", [k], 0, run.world())
-        if not truth.valid.any():
-            raise BadInput(f"run {run.run!r}: no true position is known in the part that is judged")
-        seconds = stream.world.tick * len(stream.time)
-        robots = f"{stream.robots} robot{'s' * (stream.robots > 1)}"
-        weak = f"; it {NO_ORDER}: " + "; ".join(reasons) if (reasons := run.weaknesses(truth, stream)) else ""
-        lines.append(f"run {run.run!r}: {robots}, {float(f'{seconds:.3g}'):g} s are judged{weak}")
     return Trial("", tuple(lines))
 
 
