@@ -89,19 +89,6 @@ def test_truth_is_masked_where_it_was_not_recorded(data, end):
     assert simulate(data, max_gap=2.0)[0].valid[0, :, 1].sum() == (len(at) if end == 3 else expected.sum())
 
 
-def test_a_command_holds_until_the_next_and_is_averaged_over_the_tick(data):
-    rng = np.random.default_rng(3)
-    stamps = np.sort(rng.uniform(0.3, SECONDS, 150)).round(3)
-    commands = rng.normal(0, 1, (150, 2)).round(3)
-    write(data / "Robot1_Odometry.dat", [(t, *u) for t, u in zip(stamps, commands, strict=True)])
-    _, stream = simulate(data)
-    fine = np.arange(0, SECONDS, 1e-4) + 5e-5
-    held = commands[np.maximum(np.searchsorted(stamps, fine) - 1, 0)]
-    for k, end in enumerate(stream.time - EPOCH):
-        within = (fine > end - 0.1) & (fine <= end)
-        np.testing.assert_allclose(stream.senses.odometry[0, k, 0], held[within].mean(0), atol=5e-3)
-
-
 def test_a_barcode_names_a_robot_or_a_landmark_and_a_reading_goes_to_the_nearest_tick(data):
     _, stream = simulate(data)
     landmark, sighting = stream.senses.landmark[0], stream.senses.sighting[0]
@@ -128,16 +115,6 @@ def test_who_uses_landmarks(data, sees, users):
     np.testing.assert_array_equal(np.isfinite(stream.senses.landmark[0]).any((0, 2, 3)), users)
     np.testing.assert_array_equal(stream.senses.sighting, full.senses.sighting)
     run({name: make(name) for name in ("ekf-local", "ekf-joint")}, stream)
-
-
-def test_a_collision_keeps_the_last_and_is_counted(data):
-    write(
-        data / "Robot1_Measurement.dat",
-        [(1.02, 23, 3.0, 0.1), (1.03, 41, 9.0, 0.0), (1.05, 23, 4.0, 0.2), (1.08, 23, 5.0, 0.3)],
-    )
-    _, stream = simulate(data)
-    np.testing.assert_allclose(stream.senses.landmark[0, 7, 0, 0], [5.0, 0.3])
-    assert stream.notes["landmark"] == {"readings": 5, "kept": 3, "collisions": 2, "outside_span": 0}
 
 
 def test_what_is_dropped_is_counted_and_unknown_barcodes_are_named(data):

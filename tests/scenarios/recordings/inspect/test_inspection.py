@@ -2,7 +2,6 @@
 
 import tomllib
 
-import numpy as np
 import pytest
 from made_csv_teams import eight_glitches, two_robots, write
 
@@ -28,21 +27,6 @@ def test_eight_deliberate_glitches_are_each_named_and_stand_in_log_toml(tmp_path
     truth = text[text.index("[truth]") : text.index("[ranges]")]
     for line in ("clock_offset = -2.", 'unit = "mm"', 'frame = "swapped"', "max_speed ="):
         assert line in truth
-
-
-def test_columns_of_one_table_for_all_robots_are_read(tmp_path, clean):
-    names = ("red", "blue")
-    merged = {}
-    for kind in ("odom", "truth"):
-        both = [clean[f"{kind}_{name}.csv"] for name in names]
-        columns = {c: np.concatenate([one[c] for one in both]) for c in both[0]}
-        columns["robot"] = np.repeat(names, [len(one["time"]) for one in both])
-        order = np.argsort(columns["time"], kind="stable")
-        merged[f"{kind}.csv"] = {c: values[order] for c, values in columns.items()}
-    team = write(tmp_path / "team", {**merged, "uwb.csv": clean["uwb.csv"]})
-    inspection = cl.inspect(team)
-    assert set(inspection.inspected.log.robots) == {"red", "blue"}
-    assert len(inspection.findings) == 0
 
 
 def test_directories_of_a_team_are_runs_and_share_the_places_above(tmp_path, clean):

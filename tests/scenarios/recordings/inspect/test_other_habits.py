@@ -56,6 +56,14 @@ def wide(files):
     return {"all.csv": table}
 
 
+def one_table(files):
+    """Lines of all robots in one file of odometry and one of the truth, by rising stamps."""
+    for kind in ("odom", "truth"):
+        both = pd.concat([files.pop(f"{kind}_{robot}.csv").assign(robot=robot) for robot in ROBOTS])
+        files[f"{kind}.csv"] = both.sort_values("time", kind="stable")
+    return files
+
+
 def ranges_each(files):
     ranges = files.pop("uwb.csv")
     for a, b in (ROBOTS, ROBOTS[::-1]):
@@ -93,6 +101,7 @@ HABITS = {
     "words": (lambda files: {name: t.assign(status="OK") for name, t in files.items()}, {}, None),
     "other names": (other_names, {}, None),
     "wide": (wide, {}, None),
+    "one table": (one_table, {}, None),
     "a column for each": (ranges_each, {}, None),
 }
 
