@@ -5,12 +5,13 @@ Every command imports what it needs when it runs, so that `cooploc --help` is qu
 
 import os
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any
 
 import typer
 
 import cooploc as cl
 from cooploc import terminal
+from cooploc.estimators.errors import nearest
 
 app = typer.Typer(
     name="cooploc",
@@ -50,14 +51,22 @@ def root(
         typer.echo(context.get_help())
 
 
-Kind = Literal["estimators", "scenarios", "studies", "problems"]
+KINDS = ("estimators", "scenarios", "studies", "problems")
 
 
 @app.command(name="list")
-def list_(kind: Annotated[Kind | None, typer.Argument(help="[default: all of them]")] = None) -> None:
+def list_(kind: Annotated[str, typer.Argument(help=f"{', '.join(KINDS)} [default: all of them]")] = "") -> None:
     """List estimators, scenarios, studies, and problems: studies that a paper can name."""
-    for one in [kind] if kind else get_args(Kind):
+    if kind and kind not in KINDS:
+        raise cl.BadInput(f"there is no list of {kind!r}; {nearest(kind, KINDS)}")
+    for one in [kind] if kind else KINDS:
         terminal.tables.show_list(one, getattr(cl, one)())
+
+
+@app.command()
+def problems() -> None:
+    """List problems that a paper can name, as `list problems` does."""
+    list_("problems")
 
 
 @app.command()
