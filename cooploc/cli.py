@@ -11,7 +11,6 @@ import typer
 
 import cooploc as cl
 from cooploc import terminal
-from cooploc.estimators.errors import nearest
 
 app = typer.Typer(
     name="cooploc",
@@ -58,7 +57,9 @@ KINDS = ("estimators", "scenarios", "studies", "problems")
 def list_(kind: Annotated[str, typer.Argument(help=f"{', '.join(KINDS)} [default: all of them]")] = "") -> None:
     """List estimators, scenarios, studies, and problems: studies that a paper can name."""
     if kind and kind not in KINDS:
-        raise cl.BadInput(f"there is no list of {kind!r}; {nearest(kind, KINDS)}")
+        from cooploc.estimators.errors import nearest
+
+        raise cl.BadInput(f"there is no list of {kind!r}; {nearest(kind, list(KINDS))}")
     for one in [kind] if kind else KINDS:
         terminal.tables.show_list(one, getattr(cl, one)())
 
