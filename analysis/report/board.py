@@ -7,7 +7,8 @@ imported while the board is made; its licence and training are what its certific
 import hashlib
 import itertools
 import re
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from importlib.metadata import metadata, version
 from pathlib import Path
@@ -15,7 +16,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from markupsafe import Markup
 
 from cooploc.analysis.execution.reproduce import PAGE, confirmations, digest
 from cooploc.analysis.execution.run_directory import Cell, StoredRun
@@ -23,9 +23,9 @@ from cooploc.analysis.formats import count, count_of, metres, microseconds, rati
 from cooploc.analysis.metrics.errors import TRAINED
 from cooploc.analysis.metrics.ranking import FEWEST_SEPARATED, SEPARATED, board_letters
 from cooploc.analysis.report import html_page, page_texts
-from cooploc.analysis.report.result_tables import HASH, remark
+from cooploc.analysis.report.result_tables import HASH, WHO, remark
 from cooploc.analysis.report.run_numbers import Numbers, may_be_ranked, numbers_of
-from cooploc.analysis.report.tables import Row, Table, TableColumn, interval_column, number_column, text_column
+from cooploc.analysis.report.tables import Row, Table, interval_column, number_column, text_column
 from cooploc.estimators import configure
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.registry import shorten_labels
@@ -59,14 +59,13 @@ def write(runs: Sequence[StoredRun], out: Path) -> Path:
     labels = sorted({row["estimator"] for one in studies for row in one.rows})
     pages, counter = {label: f"estimators/{_file_name(label)}.html" for label in labels}, itertools.count(1)
     (out / "estimators").mkdir(parents=True, exist_ok=True)
-    shown = [_shown(one, number, counter, pages) for number, one in enumerate(studies, 1)]
-    _write_page(out / PAGE, "Board", {"studies": shown, "wording": BoardWording(pages)}, "board.html.j2")
+    shown = [_shown(one, number, counter) for number, one in enumerate(studies, 1)]
+    _write_page(out / PAGE, "Board", {"studies": shown, "wording": html_page.Wording(pages)}, "board.html.j2")
     for label, place in pages.items():
         mine = [_shown_of(one, label, number) for number, one in enumerate(studies, 1)]
         about = next(_about(one, label) for one, rows in zip(studies, mine, strict=True) if rows["table"].rows)
         content = {"one": about, "studies": [rows for rows in mine if rows["table"].rows]}
-        title, wording = shorten_labels(label), BoardWording({})
-        _write_page(out / place, title, {**content, "wording": wording}, "board_estimator.html.j2")
+        _write_page(out / place, shorten_labels(label), content, "board_estimator.html.j2")
     return out / PAGE
 
 
@@ -78,21 +77,6 @@ def _write_page(path: Path, title: str, content: dict[str, Any], body: str) -> N
 def _file_name(label: str) -> str:
     plain = re.sub(r"[^A-Za-z0-9]+", "-", label).strip("-")[:60]
     return plain if plain == label else f"{plain}-{hashlib.sha256(label.encode()).hexdigest()[:6]}"
-
-
-class BoardWording(NamedTuple):
-    """Cells of a board's tables: an estimator leads to its page."""
-
-    pages: dict[str, str]
-
-    def cell(self, column: TableColumn, row: Row) -> Markup:
-        """Return the text of a cell."""
-        page = self.pages.get(row["estimator"]) if column.keys[0] == "estimator" else None
-        return (
-            Markup('<a href="{}">{}</a>').format(page, column.text(row))
-            if page
-            else Markup("{}").format(column.text(row))
-        )
 
 
 # ------------------------------------------------------------------------------------------------ runs
@@ -120,44 +104,40 @@ def _same_streams(a: dict[str, Any], b: dict[str, Any]) -> bool:
 
 def _study(group: list[StoredRun]) -> BoardStudy:
     """Return a study with every (scenario, estimator) of its runs once, and who reproduced it."""
-    held: dict[Cell, pd.DataFrame] = {}
-    home, times = dict[Cell, StoredRun](), dict[Cell, list[int]]()  # reproductions; runs with other bits
+    held, home = dict[Cell, pd.DataFrame](), dict[Cell, StoredRun]()
+    times, differ = Counter[Cell](), Counter[Cell]()  # reproductions; runs with other bits
     for run in group:
         confirmed = _confirmed(run)
         for (scenario, estimator), rows in run.rows.groupby(["scenario", "estimator"], sort=False):
             cell = str(scenario), str(estimator)
             if cell not in held:
-                held[cell], home[cell], times[cell] = rows, run, [confirmed[cell], 0]
+                held[cell], home[cell], times[cell] = rows, run, confirmed[cell]
             elif digest(rows) == digest(held[cell]):
-                times[cell][0] += 1 + confirmed[cell]
+                times[cell] += 1 + confirmed[cell]
             else:
-                times[cell][1] += 1
+                differ[cell] += 1
     first = group[0]
     cells = {s: cell for run in reversed(group) for s, cell in run.manifest["cells"].items()}
-    merged = first._replace(
-        manifest={**first.manifest, "cells": cells}, rows=pd.concat(list(held.values()), ignore_index=True)
-    )
-    numbers = numbers_of(merged)
+    rows = pd.concat(list(held.values()), ignore_index=True)
+    numbers = numbers_of(first._replace(manifest={**first.manifest, "cells": cells}, rows=rows))
     ranked = numbers.table[may_be_ranked(numbers.table)].groupby("scenario", sort=False)["estimator"]
-    letters = board_letters(
-        {str(s): numbers.results.errors(str(s), list(names)) for s, names in ranked}, numbers.results.stopping
-    )
+    errors = {str(s): numbers.results.errors(str(s), list(names)) for s, names in ranked}
+    letters = board_letters(errors, numbers.results.stopping)
     table: list[Row] = []
     for row in numbers.table.to_dict("records"):
         cell = row["scenario"], row["estimator"]
-        table.append({**row, **_origin(row, home[cell]), "group": letters.get(cell[0], {}).get(cell[1], "")})
-        table[-1] |= {"reproduced": times[cell][0], "differ": times[cell][1]}
+        known = {"reproduced": times[cell], "differ": differ[cell], **_origin(row, home[cell])}
+        table.append({**row, **known, "group": letters.get(cell[0], {}).get(cell[1], "")})
     place = {str(s): i for i, s in enumerate(numbers.table["scenario"].unique())}
     table.sort(key=lambda row: (place[row["scenario"]], row["group"] or "~", shorten_labels(row["estimator"])))
     return BoardStudy(numbers, [run.folder for run in group], table)
 
 
-def _confirmed(run: StoredRun) -> dict[Cell, int]:
+def _confirmed(run: StoredRun) -> Counter[Cell]:
     """Return how often each (scenario, estimator) of a run was confirmed; never 0."""
-    found = dict[Cell, int]()
+    found: Counter[Cell] = Counter()
     for record in confirmations(run.folder):
-        for cell in {(scenario, estimator) for scenario, estimator, _ in record["cells"]}:
-            found[cell] = found.get(cell, 0) + 1
+        found.update({(scenario, estimator) for scenario, estimator, _ in record["cells"]})
     for scenario, estimator in run.rows[["scenario", "estimator"]].drop_duplicates().itertuples(index=False):
         if (scenario, estimator) not in found:
             files = " --trust" if run.manifest["files"] else ""
@@ -193,11 +173,7 @@ COLUMNS = (
     text_column("group"),
     interval_column("RMSE [m]", "rmse", metres),
     text_column("consistency"),
-    text_column(
-        "remark",
-        of=("estimator", "certificate", "none", "centralised", "bound", "offline", "failed", "rmse"),
-        form=remark,
-    ),
+    text_column("remark", of=[{"consistency": "none"}.get(key, key) for key in WHO], form=remark),
     number_column("ANEES", "anees", form=ratio, collapsed=True),
     number_column("bytes", form=count),
     number_column("µs", "seconds", form=microseconds),
@@ -227,7 +203,7 @@ def _heading(one: BoardStudy) -> dict[str, Any]:
     }
 
 
-def _shown(one: BoardStudy, number: int, counter: Any, pages: dict[str, str]) -> dict[str, Any]:
+def _shown(one: BoardStudy, number: int, counter: Iterator[int]) -> dict[str, Any]:
     """Return a study as the first page shows it."""
     numbers = one.numbers._replace(table=one.numbers.table.assign(floor=np.nan))
     table = replace(_table(one, f"study-{number}", one.rows, CAPTION), marks={"data-consistency": "consistency"})

@@ -131,7 +131,7 @@ def content(numbers: Numbers, ledger: Ledger) -> dict[str, Any]:
         "bibtex": page_texts.bibtex(manifest["versions"]["cooploc"], manifest["commit"]),
         "versions": versions,
         "embedded": embed(kept),
-        "wording": Wording(numbers.names, marks, page_texts.anchors_of(names)),
+        "wording": Wording({e: f"#{at}" for e, at in page_texts.anchors_of(names).items()}, numbers.names, marks),
         "labels": {what: list(dict.fromkeys(table[what])) for what in ("estimator", "scenario")},
         "tables": [*tables, *scenarios, *[events] * bool(events.rows), versions],
     }
@@ -232,12 +232,12 @@ def first_figure(numbers: Numbers, counter: Iterator[int]) -> dict[str, Any]:
 
 def show(drawn: RunFigure, counter: Iterator[int]) -> dict[str, Any]:
     """Return a figure as the page shows it, and its scenario where it has only one."""
-    number, scenarios = next(counter), list(drawn.rows["scenario"].unique())
+    number, (scenario, *more) = next(counter), drawn.rows["scenario"].unique()
     return {
         "anchor": f"figure-{number}",
         "svg": inline_svg(drawn.figure, number, drawn.caption.partition(". ")[0]),
         "caption": f"{drawn.caption} {run_numbers.trial_counts(drawn.rows)}.",
-        "scenario": scenarios[0] if len(scenarios) == 1 else "",
+        "scenario": "" if more else scenario,
     }
 
 
@@ -269,16 +269,18 @@ def inline_svg(figure: Figure, number: int, label: str) -> Markup:
 class Wording(NamedTuple):
     """Names of estimators on a page, and where links lead."""
 
+    links: Mapping[str, str] = {}  # estimator -> the address of its introduction
     names: Labels = Labels({}, {})
     marks: Mapping[str, Markup] = {}  # estimator -> its marker
-    anchors: Mapping[str, str] = {}  # estimator -> where it is introduced
 
     def cell(self, column: TableColumn, row: Row) -> Markup:
         """Return the text of a cell: an estimator with its marker and a link."""
-        if column.keys[0] == "estimator" and (label := row["estimator"]) in self.anchors:
-            link = Markup('{}<a href="#{}" title="{}">{}</a>')
-            return link.format(self.marks.get(label, ""), self.anchors[label], label, self.names.of(label))
-        return Markup("{}").format(column.text(row))
+        label = row.get("estimator", "")
+        if column.keys[0] != "estimator" or label not in self.links:
+            return escape(column.text(row))
+        title = Markup(' title="{}"').format(label) if label in self.names.short else ""
+        link = Markup('{}<a href="{}"{}>{}</a>')
+        return link.format(self.marks.get(label, ""), self.links[label], title, self.names.of(label))
 
 
 def marker(look: style.Look, centralised: bool) -> Markup:

@@ -121,7 +121,7 @@ def test_html_is_sorted_by_values_with_groups_markers_and_links_and_everything_i
     rows = [{**row, "scenario": EVIL}, {**row, "scenario": "s", "estimator": long, "remark": f"as {long}"}]
     table = Table("t", "more", columns, rows, {"data-estimator": "estimator"})
     names = short_labels([long], {"raw": "anchor_reading=rssi, particles=500"})
-    wording = Wording(names, {long: Markup("<svg></svg>")}, {long: "estimator-1"})
+    wording = Wording({long: "#estimator-1"}, names, {long: Markup("<svg></svg>")})
     assert html(table).count('scope="col"') == 4  # the empty column is left out, interval and remark have none
     assert "checkbox" not in html(Table("t", "", columns[:2], rows))
     source = html(table, wording, group="scenario")
