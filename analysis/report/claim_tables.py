@@ -26,13 +26,13 @@ from cooploc.analysis.report.tables import Table, number_column, text_column
 SHOWN = 3  # reasons why cases of a claim were not run
 
 
+def _stands(stands: bool, verdict: str) -> str:
+    return ("yes" if stands else "no") if verdict in DECIDED else ""
+
+
 HOLM = (
     number_column("p (Holm)", "p_holm", "p", of=("p_holm",), form=p_value),
-    text_column(
-        "stands",
-        of=("stands", "verdict"),
-        form=lambda stands, verdict: ("yes" if stands else "no") if verdict in DECIDED else "",
-    ),
+    text_column("stands", of=("stands", "verdict"), form=_stands),
 )
 
 
@@ -118,12 +118,10 @@ def overview(found: pd.DataFrame, verdicts: pd.DataFrame, ledger: Ledger, readin
 
 def over_readings(shares: pd.DataFrame) -> Table:
     """Return the map of a ledger over the readings of its paper, from `multiverse.shares`: one row per claim."""
+    numbers = ("specifications", "implausible", *JUDGED, *multiverse.AFTER_HOLM.values())
     columns = (
         text_column("claim"),
-        *(
-            number_column(head, form=count)
-            for head in ("specifications", "implausible", *JUDGED, *multiverse.AFTER_HOLM.values())
-        ),
+        *(number_column(head, form=count) for head in numbers),
         *map(text_column, ("letter", "code", "preset", "scenarios")),
         text_column("choices that matter", "dimensions"),
     )

@@ -334,18 +334,14 @@ def scenario_tables(table: pd.DataFrame, settings: Mapping[str, Mapping[str, Any
     for name in names:
         for key, value in settings.get(name, {}).items():
             values.setdefault(key, Counter())[parameter_text(value)] += 1
-    lines = [
-        {"parameter": key, "value": _counted(found, len(names)), "unit": "", "meaning": "", **meanings().get(key, {})}
-        for key, found in values.items()
-    ]
+    lines: list[Row] = []
+    for key, found in values.items():
+        counted = "; ".join(value if n == len(names) else f"{value} ({n})" for value, n in found.items())
+        lines.append({"parameter": key, "value": counted, "unit": "", "meaning": "", **meanings().get(key, {})})
     texts = tuple(map(text_column, ("parameter", "value", "unit", "meaning")))
     about = "What the scenarios are made of; in brackets: in how many of them, where that is not all."
     both = [Table("scenarios", caption, heads, rows, {"data-scenario": "scenario"})]
     return both + [Table("parameters", about, texts, lines)] * bool(lines)
-
-
-def _counted(found: Counter[str], every: int) -> str:
-    return "; ".join(value if n == every else f"{value} ({n})" for value, n in found.items())
 
 
 def parameter_text(value: Any) -> str:
@@ -406,11 +402,10 @@ def failures(rows: pd.DataFrame) -> list[Failure]:
     kinds = failed["failure"].astype(str).str.replace(r"\d+(\.\d+)?(e[-+]?\d+)?", "0", regex=True)
     found = []
     for _, part in failed.groupby(kinds, sort=False):
-        cells = part.groupby(["scenario", "estimator"], sort=False)
         where = []
-        for (scenario, estimator), one in cells:
+        for (scenario, estimator), one in part.groupby(["scenario", "estimator"], sort=False):
             trials = ", ".join(map(str, sorted(one["trial"])[:SHOWN_TRIALS])) + " ..." * (len(one) > SHOWN_TRIALS)
-            where.append(f"{scenario}, {estimator}: {'trial' if len(one) == 1 else 'trials'} {trials}")
-        said, where = shorten_labels(str(part["failure"].iloc[0])), list(map(shorten_labels, where))
-        found.append(Failure(said, len(part), where, str(part["traceback"].iloc[0])))
+            where.append(shorten_labels(f"{scenario}, {estimator}: trial{'s' * (len(one) > 1)} {trials}"))
+        message, traceback = part[["failure", "traceback"]].astype(str).iloc[0]
+        found.append(Failure(shorten_labels(message), len(part), where, traceback))
     return sorted(found, key=lambda kind: -kind.trials)

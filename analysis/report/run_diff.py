@@ -56,15 +56,13 @@ def changes(a: StoredRun, b: StoredRun) -> pd.DataFrame:
     the two runs are independent samples, and the interval is that of unpaired ones. Where only some are, only those
     count.
     """
-    groups = [dict(list(kept.rows.groupby(["scenario", "estimator"], sort=False))) for kept in (a, b)]
-    tables = []
-    for kept in (a, b):
-        table = summarize(kept.rows)
-        table = table.assign(consistency=consistency(table)).set_index(["scenario", "estimator"])
-        tables.append(table[["rmse", "anees", "consistency", "bytes", "seconds", "failed"]].to_dict("index"))
+    cell, shown = ["scenario", "estimator"], ["rmse", "anees", "consistency", "bytes", "seconds", "failed"]
+    groups = [dict(list(kept.rows.groupby(cell, sort=False))) for kept in (a, b)]
+    summaries = [summarize(kept.rows) for kept in (a, b)]
+    tables = [one.assign(consistency=consistency(one)).set_index(cell)[shown].to_dict("index") for one in summaries]
     rows = []
     for key in dict.fromkeys((*groups[0], *groups[1])):
-        row: dict[str, Any] = dict(zip(("scenario", "estimator"), key, strict=True))
+        row: dict[str, Any] = dict(zip(cell, key, strict=True))
         for name, summary in zip("ab", tables, strict=True):
             row |= {f"{column}_{name}": v for column, v in summary.get(key, {}).items()}
         there = [group[key] for group in groups if key in group]
