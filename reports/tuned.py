@@ -11,7 +11,7 @@ import cooploc as cl
 from cooploc.analysis.formats import metres, ratio
 from cooploc.analysis.plot import style
 from cooploc.analysis.report import tuning_tables as tables
-from cooploc.analysis.report.tables import Table, number_column, text_column
+from cooploc.analysis.report.tables import Table, number_column, text_column, words
 
 SHOWN = "ekf-naive"  # the estimator whose parameters are drawn
 
@@ -35,7 +35,7 @@ def values(runs: Path, out: Path, data: Path) -> dict[str, Any]:
         "kendalltau": stats.kendalltau,
         "side": side_by_side(found.table).markdown(),
         "chosen": tables.chosen_table(found.history, found.tuned).markdown(),
-        "legend": tables.LEGEND[0].upper() + tables.LEGEND[1:],
+        "legend": words("captions")["tuning"][0].upper() + words("captions")["tuning"][1:],
         "tables": "\n".join(tables.gains_table(str(n), part).markdown() for n, part in found.table.groupby("scenario")),
         "real": _recorded(cl.load_tuned(recorded)) if recorded.exists() else None,
     }

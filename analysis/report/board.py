@@ -21,23 +21,15 @@ from cooploc.analysis.execution.reproduce import PAGE, confirmations, digest
 from cooploc.analysis.execution.run_directory import Cell, StoredRun
 from cooploc.analysis.formats import count, count_of, metres, microseconds, ratio
 from cooploc.analysis.metrics.errors import TRAINED
-from cooploc.analysis.metrics.ranking import FEWEST_SEPARATED, SEPARATED, board_letters
+from cooploc.analysis.metrics.ranking import board_letters
 from cooploc.analysis.report import html_page, page_texts
 from cooploc.analysis.report.result_tables import HASH, WHO, remark
 from cooploc.analysis.report.run_numbers import Numbers, may_be_ranked, numbers_of
-from cooploc.analysis.report.tables import Row, Table, interval_column, number_column, text_column
+from cooploc.analysis.report.tables import Row, Table, interval_column, number_column, text_column, words
 from cooploc.estimators import configure
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.registry import shorten_labels
 from cooploc.scenarios.studies.study import Study, stream_sentence
-
-CAPTION = (
-    "Estimators that share a letter of the group are not told apart; they stand in the order of their names, as one by "
-    "error would mean nothing. Two are told apart where Holm's adjusted p over all pairs of this table is below "
-    f"{SEPARATED:g}, over at least {FEWEST_SEPARATED} trials that both have. RMSE with 95 % intervals over trials; "
-    "bytes and µs are per robot and tick. Hash: of the estimator's source. Reproduced: how often trials were run again "
-    "bit for bit, on other machines or choices of trials, or by other runs here."
-)
 
 
 class BoardStudy(NamedTuple):
@@ -206,7 +198,9 @@ def _heading(one: BoardStudy) -> dict[str, Any]:
 def _shown(one: BoardStudy, number: int, counter: Iterator[int]) -> dict[str, Any]:
     """Return a study as the first page shows it."""
     numbers = one.numbers._replace(table=one.numbers.table.assign(floor=np.nan))
-    table = replace(_table(one, f"study-{number}", one.rows, CAPTION), marks={"data-consistency": "consistency"})
+    table = replace(
+        _table(one, f"study-{number}", one.rows, words("captions")["board"]), marks={"data-consistency": "consistency"}
+    )
     return {**_heading(one), "table": table, "figure": html_page.first_figure(numbers, counter)}
 
 

@@ -21,7 +21,7 @@ from cooploc.analysis.execution.run_directory import StoredRun
 from cooploc.analysis.formats import count, count_of, p_value
 from cooploc.analysis.metrics.sequential import ANYTIME
 from cooploc.analysis.metrics.statistics import FIXED
-from cooploc.analysis.report.tables import Table, number_column, text_column
+from cooploc.analysis.report.tables import Table, number_column, text_column, words
 
 SHOWN = 3  # reasons why cases of a claim were not run
 
@@ -108,12 +108,7 @@ def overview(found: pd.DataFrame, verdicts: pd.DataFrame, ledger: Ledger, readin
         if any(verdict.values()):
             known = {"claimed": claimed, "found": value, "readings": readings.get(str(claim), "")}
             rows.append(verdict | {"claim": claim, "says": says[str(claim)], **known})
-    about = (
-        "Verdicts by claim: as the paper states it, then in other readings; counts where cases differ; claims of which "
-        "nothing was run are left out. Found: from the smallest to the largest of the cases, as the paper states it; "
-        "of one case, with its 95 % interval."
-    )
-    return Table("verdicts", about, columns, rows)
+    return Table("verdicts", words("captions")["claims"], columns, rows)
 
 
 def over_readings(shares: pd.DataFrame) -> Table:

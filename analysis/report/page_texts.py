@@ -11,9 +11,8 @@ from cooploc.analysis.formats import count_of
 from cooploc.analysis.metrics.compare import FAR
 from cooploc.analysis.metrics.consistency import OVER_CONFIDENT
 from cooploc.analysis.metrics.errors import SENSES
-from cooploc.analysis.report.result_tables import STOPPED
 from cooploc.analysis.report.run_numbers import FLOORED, Numbers, trial_counts
-from cooploc.analysis.report.tables import fill_template, read_template
+from cooploc.analysis.report.tables import fill_template, read_template, words
 from cooploc.estimators import configure, make
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.listing import standing
@@ -67,9 +66,9 @@ def _known_readings(rows: pd.DataFrame) -> str:
 
 def methods(until_decided: bool) -> dict[str, str]:
     """Return terms and what they mean, in a run of a fixed number of trials or in one until decided."""
-    words = tomllib.loads(read_template("methods.toml"))
-    terms = {term: text.format(far=FAR, floored=FLOORED) for term, text in words["terms"].items()}
-    return {**terms, **words["until_decided"], "Decided": STOPPED} if until_decided else terms
+    known = tomllib.loads(read_template("methods.toml"))
+    terms = {term: text.format(far=FAR, floored=FLOORED) for term, text in known["terms"].items()}
+    return {**terms, **known["until_decided"], "Decided": words("captions")["stopped"]} if until_decided else terms
 
 
 def bibtex(version: str, commit: str | None) -> str:

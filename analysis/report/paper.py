@@ -14,14 +14,13 @@ import pandas as pd
 
 from cooploc.analysis.execution.run_directory import StoredRun
 from cooploc.analysis.formats import count_of
-from cooploc.analysis.metrics.consistency import OVER_CONFIDENT
 from cooploc.analysis.metrics.crlb import floors
 from cooploc.analysis.metrics.curves import sweep
 from cooploc.analysis.plot import style
 from cooploc.analysis.report import result_tables, run_numbers, sentences
 from cooploc.analysis.report.run_figures import OTHERS, RunFigure, draw_experiment
 from cooploc.analysis.report.run_numbers import Labels, Numbers
-from cooploc.analysis.report.tables import Row, Table, escape_latex, fill_template
+from cooploc.analysis.report.tables import Row, Table, escape_latex, fill_template, words
 from cooploc.estimators import BUILTIN
 from cooploc.estimators.errors import BadInput, nearest
 
@@ -131,19 +130,6 @@ LINES = 46  # of a table, so that it fits a page with its caption and its notes
 ONE_COLUMN = 2  # columns beside the estimator that fit into a column of the paper
 HEADS = {"change": "change", "seconds": "time [µs]"}
 NOT_CHOSEN = {"scenario", "estimator", "consistency", "certificate", "verdict"}
-MARKS = {
-    "o": f"over-confident: the 95 % interval of its ANEES lies above {OVER_CONFIDENT:g}",
-    "c": "centralised: knows all readings at once",
-    "b": "bound: no estimator is better in a simulated world",
-    "f": "failed in some trials, numbers of the others",
-}
-NOTES = {
-    "rmse": "RMSE of position, pooled over robots and ticks",
-    "change": "Change of the RMSE against {baseline}, paired by trial",
-    "anees": "ANEES: 1 is consistent",
-    "bytes": "Bytes that a robot sends per tick",
-    "seconds": "Time per robot and tick",
-}
 
 
 def _tables(part: PaperPart, numbers: Numbers, columns: Sequence[str]) -> dict[str, str]:
@@ -214,7 +200,7 @@ def _marks(row: Row) -> str:
     """Return the letters of what a reader must know of a row."""
     known = {"o": row["consistency"] == "over-confident", "b": row["bound"], "f": row["failed"]}
     known["c"] = row["centralised"] and not row["bound"]
-    return "".join(mark for mark in MARKS if known[mark])
+    return "".join(mark for mark in words("marks") if known[mark])
 
 
 def pages_of(scenarios: list[str]) -> list[list[int]]:
@@ -227,11 +213,13 @@ def _notes(rows: list[Row], chosen: Sequence[str], names: Labels) -> str:
     """Return what a reader needs to understand a table, in small print."""
     baselines = dict.fromkeys(row["baseline"] for row in rows)
     marks = {mark for row in rows for mark in _marks(row)}
-    known = {name: note.format(baseline=" or ".join(map(names.of, baselines))) for name, note in NOTES.items()}
+    known = {name: note.format(baseline=" or ".join(map(names.of, baselines))) for name, note in words("notes").items()}
     texts = [*(known[name] for name in chosen if name in known), "In brackets: 95 % intervals over trials"]
     texts += ["Bold: lowest RMSE of those that may be called best, and what ties with it"] * ("rmse" in chosen)
     texts += names.legend(dict.fromkeys([*(row["estimator"] for row in rows), *baselines]))
-    explained = [rf"\textsuperscript{{{mark}}}{breakable(text)}." for mark, text in MARKS.items() if mark in marks]
+    explained = [
+        rf"\textsuperscript{{{mark}}}{breakable(text)}." for mark, text in words("marks").items() if mark in marks
+    ]
     return " ".join([*(breakable(f"{text}.") for text in texts), *explained])
 
 

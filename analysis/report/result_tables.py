@@ -18,13 +18,12 @@ import pandas as pd
 
 from cooploc.analysis.claims.trial_table import TrialTable
 from cooploc.analysis.formats import change, count, decimals, interval, metres, microseconds, p_value, percent, ratio
-from cooploc.analysis.metrics.consistency import COLLAPSED
 from cooploc.analysis.metrics.errors import NOTE
 from cooploc.analysis.metrics.ranking import disqualifications, is_refused, short_certificate
 from cooploc.analysis.metrics.statistics import Interval
 from cooploc.analysis.report.run_numbers import rank_scenario
 from cooploc.analysis.report.sentences import Standing, SweepChange, summary_sentence
-from cooploc.analysis.report.tables import Row, Table, TableColumn, number_column, text_column
+from cooploc.analysis.report.tables import Row, Table, TableColumn, number_column, text_column, words
 from cooploc.estimators import nearest
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.listing import declares_bytes, standing
@@ -32,23 +31,6 @@ from cooploc.estimators.registry import shorten_labels
 
 CONSISTENCY = {flag: flag for flag in ("over-confident", "over-wide", "conservative")}
 CONSISTENCY["not shown"] = "consistency not shown"
-REMARKS = {  # what the words of a remark mean
-    "over-wide": "ANEES below 0.1",
-    "over-confident": "the interval of ANEES lies above 1.5: errors are larger than it states",
-    "conservative": "the interval of ANEES lies below 0.67",
-    "not shown": "the interval of ANEES holds 0.67 or 1.5: more trials decide whether it is consistent",
-    "centralised": "every reading reaches one computer",
-    "bound": "uses all readings; no estimator is better in a simulated world",
-    "preset": "our reading of its paper",
-    "letter": "the reading nearest to the paper's words",
-    "code": "what public code of the paper's authors does",
-    "at its best": "the best of those tried",
-}
-STOPPED = (
-    "decided: by the confidence sequence of the change (better or worse where it excludes 0, tie within 5 %), at that "
-    "number of trials; it holds however the run stops, and p is its 1 / e. Sizes and their intervals are those of a "
-    "fixed number of trials: where a row stopped, they are a little too far from 0."
-)
 
 
 def remark(
@@ -90,15 +72,10 @@ def _ends(name: str, form: Callable[[float], str], **layout: Any) -> TableColumn
 
 
 RMSE = number_column("RMSE [m]", "rmse", form=metres), _ends("rmse", metres, second_line=True)
-ANEES_MEANS = "1 is consistent, more is over-confident; median: of the trials' ANEES"
-ANEES = number_column("ANEES", "anees", form=ratio, about=ANEES_MEANS), _ends("anees", ratio)
+ANEES = number_column("ANEES", "anees", form=ratio), _ends("anees", ratio)
 VERSUS = ("estimator", "baseline")
 WHO = ("estimator", "certificate", "consistency", "centralised", "bound", "offline", "failed", "rmse")
 BEHIND = ("consistency", "centralised", "bound", "offline", "failed", "baseline", "stream")  # a remark, in CSV
-VERSUS_MEANS = "change of RMSE on the same streams, with its interval; not comparable where one trial decides it"
-HOLM_MEANS = "the test that the interval inverts, adjusted by Holm over the whole study"
-NLL_MEANS = "negative log-likelihood of the true position; smaller is better"
-TRAFFIC_MEANS = "messages, bytes and µs are per robot and tick"
 RARE: dict[str, Any] = {"collapsed": True, "rare": True}
 RESULTS = (
     text_column("scenario", report_only=True),
@@ -108,29 +85,27 @@ RESULTS = (
     text_column("checks", "certificate", form=short_certificate),
     *RMSE,
     number_column("median", "rmse_median", form=metres, collapsed=True, report_only=True),
-    number_column("outlying", form=WHOLE_PERCENT, about="trials above 5 times the median RMSE", **RARE),
+    number_column("outlying", form=WHOLE_PERCENT, **RARE),
     _ends("outlying", WHOLE_PERCENT, report_only=True),
     number_column("rank", form=partial(decimals, digits=1), report_only=True),
     text_column("group", report_only=True),
-    number_column(
-        "vs baseline", "change", of=(*VERSUS, "change", "decisive_trial"), form=_write_change, about=VERSUS_MEANS
-    ),
+    number_column("vs baseline", "change", of=(*VERSUS, "change", "decisive_trial"), form=_write_change),
     replace(
         _ends("change", change, second_line=True),
         of=(*VERSUS, "change_low", "change_high", "decisive_trial"),
         form=_write_change_ends,
     ),
-    number_column("p (Holm)", "p_holm", form=p_value, priority=2, about=HOLM_MEANS),
+    number_column("p (Holm)", "p_holm", form=p_value, priority=2),
     ANEES[0],
     replace(ANEES[1], report_only=True),
     number_column("median", "anees_median", form=ratio, second_line=True, collapsed=True),
-    number_column("collapsed", form=WHOLE_PERCENT, priority=7, about="trials whose ANEES exceeds 100", **RARE),
+    number_column("collapsed", form=WHOLE_PERCENT, priority=7, **RARE),
     _ends("collapsed", WHOLE_PERCENT, report_only=True),
     number_column("in 95 %", "coverage95", form=WHOLE_PERCENT, priority=4),
-    number_column("NLL", "nll", form=ratio, second_line=True, priority=5, collapsed=True, about=NLL_MEANS),
+    number_column("NLL", "nll", form=ratio, second_line=True, priority=5, collapsed=True),
     number_column("ellipse [m²]", "area95", form=ratio, collapsed=True, report_only=True),
     number_column("diverged", form=partial(percent, digits=1), priority=3, **RARE),
-    number_column("messages", form=ratio, priority=6, collapsed=True, about=TRAFFIC_MEANS),
+    number_column("messages", form=ratio, priority=6, collapsed=True),
     number_column("bytes", form=count),
     number_column("µs", "seconds", form=microseconds, second_line=True),
     number_column("trials", second_line=True, priority=1, report_only=True),
@@ -175,7 +150,7 @@ def essential_columns(baselines: Iterable[str], until_decided: bool) -> tuple[Ta
         *([replace(DECIDED, second_line=True)] if until_decided else ()),
         text_column("consistency"),
         _bracketed("RMSE [m]", named["rmse"], named["rmse_low"]),
-        _bracketed(f"{versus.head} [%]", versus, named["change_low"], about=versus.about),
+        _bracketed(f"{versus.head} [%]", versus, named["change_low"]),
         named["bytes"],
     )
 
@@ -243,13 +218,8 @@ def best(found: list[Standing], name: str = "best") -> Table:
         }
         for one in found
     ]
-    caption = (
-        "Smallest RMSE of those that qualify to be called best. Ties: the 95 % interval of the paired change holds 0; "
-        "equal: the RMSE is within 5 %, by two one-sided t tests of the same kind. In a run until decided, both are "
-        "said by the confidence sequence of the change."
-    )
     marks = {"data-scenario": "scenario", "data-best": "alone", "title": "sentence"}
-    return Table(name, caption, columns, rows, marks)
+    return Table(name, words("captions")["best"], columns, rows, marks)
 
 
 def _interval_values(name: str, found: Interval) -> dict[str, float]:
@@ -274,13 +244,7 @@ def consistency(table: pd.DataFrame) -> Table:
         worst = known.iloc[-1].to_dict() if len(known) else {"anees": np.nan, "anees_median": np.nan, "scenario": ""}
         most = {"collapsed": float(part["collapsed"].max())}
         rows.append({"estimator": name, "scenarios": len(part), **counts, **worst, **most})
-    caption = (
-        "Number of scenarios by ANEES: over-confident where its 95 % interval lies wholly above 1.5, conservative "
-        "where wholly below 0.67, over-wide where below 0.1, consistent where wholly between 0.67 and 1.5, not shown "
-        "where it holds a limit. A mean ANEES may be that of one collapsed trial: its median over trials "
-        f"and the largest share of trials in a scenario whose ANEES exceeds {COLLAPSED:g}, do not depend on one."
-    )
-    return Table("consistency", caption, columns, rows, {"data-estimator": "estimator"})
+    return Table("consistency", words("captions")["consistency"], columns, rows, {"data-estimator": "estimator"})
 
 
 def sweep_table(name: str, found: list[SweepChange], parameter: str) -> Table:
@@ -294,10 +258,7 @@ def sweep_table(name: str, found: list[SweepChange], parameter: str) -> Table:
         number_column("trials"),
     )
     rows = [{**one._asdict(), **_interval_values("change", one.share)} for one in found]
-    caption = (
-        f"From the first to the last value of {parameter}; jackknife intervals over trials, in a run until decided "
-        "confidence sequences; not adjusted."
-    )
+    caption = words("captions")["sweep"].format(parameter=parameter)
     return Table(name, caption, columns, rows, {"data-estimator": "estimator"})
 
 
@@ -326,10 +287,6 @@ def scenario_tables(table: pd.DataFrame, settings: Mapping[str, Mapping[str, Any
         text_column("baseline"),
         text_column("stream", form=lambda stream: str(stream)[:HASH]),
     )
-    caption = (
-        "Scenarios. Results of equal streams can be paired: the hash is over every reading, link and initial position "
-        "of the trials."
-    )
     values: dict[str, Counter[str]] = {}
     for name in names:
         for key, value in settings.get(name, {}).items():
@@ -339,9 +296,8 @@ def scenario_tables(table: pd.DataFrame, settings: Mapping[str, Mapping[str, Any
         counted = "; ".join(value if n == len(names) else f"{value} ({n})" for value, n in found.items())
         lines.append({"parameter": key, "value": counted, "unit": "", "meaning": "", **meanings().get(key, {})})
     texts = tuple(map(text_column, ("parameter", "value", "unit", "meaning")))
-    about = "What the scenarios are made of; in brackets: in how many of them, where that is not all."
-    both = [Table("scenarios", caption, heads, rows, {"data-scenario": "scenario"})]
-    return both + [Table("parameters", about, texts, lines)] * bool(lines)
+    both = [Table("scenarios", words("captions")["scenarios"], heads, rows, {"data-scenario": "scenario"})]
+    return both + [Table("parameters", words("captions")["parameters"], texts, lines)] * bool(lines)
 
 
 def parameter_text(value: Any) -> str:

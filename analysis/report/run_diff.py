@@ -16,37 +16,14 @@ from cooploc.analysis.metrics.compare import summarize
 from cooploc.analysis.metrics.consistency import consistency
 from cooploc.analysis.metrics.errors import trial_means
 from cooploc.analysis.metrics.statistics import Interval
-from cooploc.analysis.report.tables import Table, TableColumn, number_column, text_column
+from cooploc.analysis.report.tables import Table, TableColumn, number_column, text_column, words
 from cooploc.estimators.registry import shorten_labels
 
 SAME, NOTHING, WORSE = "bit-equal", "no difference shown", ("worse", "fails more", "gone")  # verdicts
 REMARKED = "verdict", "pairing", "failed_a", "failed_b"
 SETTINGS = ("seed", "data", "source", "commit", "cpu")
 EXACT = ["mse", "anees", "coverage95"]
-COLUMNS = {
-    "scenario": "the scenario's label",
-    "estimator": "the estimator's label",
-    "pairing": "paired (by trial), unpaired, or the only run that has it",
-    "trials": "trials that are compared; if unpaired, those of the run with fewer",
-    "equal": "trials whose errors are bit-equal",
-    "rmse_a": "RMSE [m] of those trials in the first run",
-    "rmse_b": "and in the second",
-    "change": "RMSE of the second over that of the first, minus 1",
-    "change_low": "its 95 % interval",
-    "change_high": "",
-    "p": "of a change, adjusted by Holm over all rows that are not bit-equal",
-    "verdict": "bit-equal; worse or better, where p is at most 0.05; fails more; gone; or no difference shown",
-    "anees_a": "ANEES of those trials in the first run",
-    "anees_b": "and in the second",
-    "consistency_a": "the flag, over all trials of the first run",
-    "consistency_b": "and of the second",
-    "bytes_a": "bytes per robot and tick",
-    "bytes_b": "",
-    "seconds_a": "seconds per robot and tick",
-    "seconds_b": "",
-    "failed_a": "trials that failed",
-    "failed_b": "",
-}
+COLUMNS = words("changes")  # name -> what it means
 
 
 def changes(a: StoredRun, b: StoredRun) -> pd.DataFrame:

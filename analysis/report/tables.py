@@ -3,6 +3,7 @@
 Rows are mappings; a `TableColumn` says which values of a row it shows and how. `result_tables` has those of a run.
 """
 
+import tomllib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
@@ -37,7 +38,6 @@ class TableColumn:
     collapsed: bool = False  # on a page it is shown on demand
     report_only: bool = False  # a terminal does not show it
     rare: bool = False  # a terminal shows it only where a value is not zero
-    about: str = ""  # what it means, for the lines below a terminal's table
 
     def text(self, row: Row) -> str:
         """Return what is read in a row."""
@@ -176,6 +176,13 @@ def environment() -> Environment:
 def read_template(name: str) -> str:
     """Return a file of `page`."""
     return (files(__package__) / "page" / name).read_text(encoding="utf-8")
+
+
+@cache
+def words(of: str) -> dict[str, str]:
+    """Return what `words.toml` says of columns, remarks, marks and notes, or the captions of tables, by their names."""
+    known: dict[str, str] = tomllib.loads(read_template("words.toml"))[of]
+    return known
 
 
 def fill_template(name: str, **values: Any) -> str:

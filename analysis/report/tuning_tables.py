@@ -35,13 +35,6 @@ GAINS = (
     number_column("tuned", "rank_tuned", form=count, second_line=True, priority=1),
     number_column("failed", "failed_tuned", form=count),
 )
-LEGEND = (
-    "score: what tuning makes small, mean negative log-likelihood with a robust cap [nats], or log RMSE [log m]. "
-    "change: of RMSE by tuning, on the same fresh streams, with its interval; p: Holm over the whole table. "
-    "training gain: how much the mean score fell on the streams that the best configuration was chosen on; fresh gain: "
-    "on streams that tuning never saw. Where the first is larger, the rest of it was not seen on fresh streams. rank: "
-    "by RMSE."
-)
 
 
 def gains_table(scenario: str, part: pd.DataFrame) -> Table:

@@ -24,8 +24,6 @@ from cooploc.analysis.metrics.ranking import short_certificate
 from cooploc.analysis.metrics.sequential import PILOT, minutes
 from cooploc.analysis.report import claim_tables, tuning_tables
 from cooploc.analysis.report.result_tables import (
-    REMARKS,
-    STOPPED,
     STUDY,
     decision,
     essential_columns,
@@ -35,7 +33,7 @@ from cooploc.analysis.report.result_tables import (
     result_columns,
     sort_rows,
 )
-from cooploc.analysis.report.tables import Table, csv_text, number_column, text_column
+from cooploc.analysis.report.tables import Table, csv_text, number_column, text_column, words
 from cooploc.estimators.registry import shorten_labels
 from cooploc.scenarios.conformance import Report
 from cooploc.scenarios.recordings.scenario import NO_ORDER
@@ -118,7 +116,7 @@ def table(
         bracketed = not every_column and table["rmse_low"].notna().any()
         brackets = "in brackets: 95 % intervals over trials; " * bool(bracketed)
         console.print(f"{brackets}bold: the lowest RMSE of those that may be called best", style="dim")
-        for text in (*_legend(shown), *[STOPPED] * ("look" in table)) if legend else ():
+        for text in (*_legend(shown), *[words("captions")["stopped"]] * ("look" in table)) if legend else ():
             console.print(text, style="dim")
         if every_column and (counted := events(rows)).rows:
             console.print(counted.terminal())
@@ -150,9 +148,11 @@ def _results(scenario: str, part: pd.DataFrame, every_column: bool = True) -> Ta
 def _legend(tables: list[Table]) -> list[str]:
     """Return what the columns and the remarks that are shown mean."""
     texts = {c: {c.text(row) for row in one.rows} - {""} for one in tables for c in one.columns}
-    heads = {("vs" if c.keys[0] == "change" else c.head): c.about for c, found in texts.items() if c.about and found}
+    meaning = words("columns")
+    shown = {c.keys[0]: c.head for c, found in texts.items() if found}
+    heads = {("vs" if key == "change" else head): meaning[key] for key, head in shown.items() if key in meaning}
     remarks = " ".join(text for c, found in texts.items() if c.head in ("remark", "consistency") for text in found)
-    heads |= {word: about for word, about in REMARKS.items() if word in remarks}
+    heads |= {word: about for word, about in words("remarks").items() if word in remarks}
     return [f"{word}: {about}" for word, about in heads.items()]
 
 
@@ -346,7 +346,7 @@ def show_tuning(
     for scenario, part in gains.groupby("scenario", sort=False):
         console.print(tuning_tables.gains_table(str(scenario), part).terminal())
         console.print()
-    console.print(tuning_tables.LEGEND, style="dim")
+    console.print(words("captions")["tuning"], style="dim")
     for name, order in orders.items():
         console.print(tuning_tables.order_sentence(order, name))
     console.print(

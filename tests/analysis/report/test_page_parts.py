@@ -10,10 +10,13 @@ from made_runs import kept_from, rows_of
 
 from cooploc import scenarios
 from cooploc.analysis.metrics.compare import compare
+from cooploc.analysis.metrics.consistency import COLLAPSED, OVER_CONFIDENT
+from cooploc.analysis.metrics.ranking import FEWEST_SEPARATED, SEPARATED
 from cooploc.analysis.plot import style
 from cooploc.analysis.report import html_page, page_texts
 from cooploc.analysis.report.result_tables import failures, meanings, parameter_text, scenario_tables
 from cooploc.analysis.report.run_numbers import numbers_of
+from cooploc.analysis.report.tables import words
 from cooploc.estimators import BUILTIN, make
 
 
@@ -75,3 +78,11 @@ def test_failures_that_repeat_are_counted_though_their_numbers_differ():
     assert (first.message, first.trials) == ("ValueError: nan at tick 0", 3)
     assert first.where == ["nlos, a: trials 0, 3", "nlos, b: trial 1"]
     assert second.trials == 1
+
+
+def test_captions_state_the_limits_that_the_code_has():
+    captions, marks = words("captions"), words("marks")
+    assert f"above {OVER_CONFIDENT:g}," in captions["consistency"]
+    assert f"ANEES exceeds {COLLAPSED:g}" in captions["consistency"]
+    assert marks["o"].endswith(f"above {OVER_CONFIDENT:g}")
+    assert f"below {SEPARATED:g}, over at least {FEWEST_SEPARATED} trials" in captions["board"]
