@@ -9,12 +9,13 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from cooploc.analysis.execution import run_directory
+from cooploc.analysis.report.inspection_page import inspection_page
 from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.recordings.inspect.draft_toml import toml
 from cooploc.scenarios.recordings.inspect.inspection import Inspected, SeriesRow, inspect_recording
 from cooploc.scenarios.recordings.schema import NAME
 
-SKETCH = "inspect.png"
+SKETCH, SANITY = "inspect.png", "inspect.html"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -69,7 +70,7 @@ class Inspection:
         return figure
 
     def write(self, folder: str | Path | None = None, force: bool = False) -> list[Path]:
-        """Write log.toml and the sketch beside the recording, or into a directory; returns what was written.
+        """Write log.toml, the sketch and a page beside the recording, or into a directory; returns what was written.
 
         Elsewhere, log.toml says where the recording is. A log.toml that is there stays as it is, unless `force`.
 
@@ -89,9 +90,11 @@ class Inspection:
                 run_directory.replace_file(target, lambda temporary: temporary.write_text(text, encoding="utf-8"))
                 written.append(target)
             self.sketch(home / SKETCH)
+            page = inspection_page(self.inspected)
+            run_directory.replace_file(home / SANITY, lambda temporary: temporary.write_text(page, encoding="utf-8"))
         except OSError as e:
             raise BadInput(f"{home}: cannot be written to ({e.strerror}); name another directory with --out") from None
-        return [*written, home / SKETCH]
+        return [*written, home / SKETCH, home / SANITY]
 
 
 def inspect(path: str | Path, run: str = "", again: bool = False) -> Inspection:

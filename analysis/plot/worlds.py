@@ -156,7 +156,7 @@ def recording(log: TeamLog, note: str = "") -> Figure:
     axes = figure.subplot_mosaic(places, height_ratios=[4.4, 0.2 + 0.17 * len(rows)], width_ratios=[1.25, 1])
     _draw_tracks(axes["tracks"], log, note)
     _draw_reading_counts(axes["measured"], log)
-    _draw_time_line(axes["time"], rows, log)
+    draw_time_line(axes["time"], rows, log)
     return figure
 
 
@@ -197,7 +197,7 @@ def _draw_reading_counts(ax: Axes, log: TeamLog) -> None:
     style.finish(ax, above="readings of (column) by (row)")
 
 
-def _draw_time_line(ax: Axes, rows: list[SeriesRow], log: TeamLog) -> None:
+def draw_time_line(ax: Axes, rows: list[SeriesRow], log: TeamLog) -> None:
     """Draw a line for each series, a stroke for each sample."""
     colours = {robot: ROBOTS[i % len(ROBOTS)] for i, robot in enumerate(log.robots)}
     for place, row in enumerate(rows):

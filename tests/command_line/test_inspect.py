@@ -16,6 +16,11 @@ def test_inspect_prints_what_is_odd_and_writes_a_log_that_only_force_replaces(tm
         assert word in ended.stdout
     assert "next: look at both, then cooploc run log --data team" in ended.stdout
     assert (tmp_path / "team" / "inspect.png").read_bytes().startswith(b"\x89PNG")
+    page = (tmp_path / "team" / "inspect.html").read_text("utf-8")
+    assert "<strong>8 things to look at; its log.toml runs.</strong>" in page
+    assert page.count("<h2>") == 8 + 3
+    assert page.count("data:image/png;base64,") == 7 + 1  # a torn line has no picture; the whole recording has one
+    assert "[truth] clock_offset = -2.47" in page
     log = tmp_path / "team" / "log.toml"
     log.write_text(log.read_text() + "# mine\n")
     assert "was left as it is" in inside("inspect", "team", cwd=tmp_path).stdout
@@ -53,3 +58,12 @@ def test_the_table_of_a_recording_says_what_limits_its_order():
     assert limits in lines[0]
     assert worse in lines[1]
     assert "one trial: no intervals" in recording_lines(table.assign(trials=1), [])[0]
+
+
+def test_the_page_of_an_inspection_escapes_what_is_in_the_files(tmp_path):
+    write(tmp_path / "<b>team", two_robots(seconds=40))
+    ended = inside("inspect", "<b>team", cwd=tmp_path)
+    assert ended.returncode == 0, ended.stderr
+    page = (tmp_path / "<b>team" / "inspect.html").read_text("utf-8")
+    assert "Is &lt;b&gt;team sane?" in page
+    assert "<b>team" not in page

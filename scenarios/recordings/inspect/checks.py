@@ -15,7 +15,6 @@ from scipy.optimize import linear_sum_assignment
 from cooploc.estimators.interface import Array, Mask
 from cooploc.estimators.models import wrap
 from cooploc.scenarios.recordings.inspect import motion
-from cooploc.scenarios.recordings.sampling import ends
 from cooploc.scenarios.recordings.team_log import ReadingSeries, Series, TeamLog, other_names
 
 Values = TypeVar("Values", Series, ReadingSeries)
@@ -540,9 +539,7 @@ def check_bearings(c: CheckedLog) -> None:
     for channel, readings in motion.range_channels(c.log):
         if motion.TABLES[channel] != "sightings":
             continue
-        here, there = ends(c.log, channel)
-        x, y = (there - here[:, :2]).T
-        expected = wrap(np.arctan2(y, x) - here[:, 2])
+        expected = motion.bearings(c.log, channel)
         if np.isfinite(expected).sum() < motion.FEWEST:
             continue
         largest = np.nanmax(np.abs(readings.values[:, 1]))

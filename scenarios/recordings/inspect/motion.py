@@ -218,6 +218,13 @@ def distances(log: TeamLog, channel: Channel) -> Array:
     return np.where(distance > NEAREST, distance, np.nan)
 
 
+def bearings(log: TeamLog, channel: Channel) -> Array:
+    """Return the true direction (m,) [rad] to what was seen, from straight ahead; nan where it is not known."""
+    here, there = sampling.ends(log, channel)
+    x, y = (there - here[:, :2]).T
+    return wrap(np.arctan2(y, x) - here[:, 2])
+
+
 def range_channels(log: TeamLog) -> Iterator[tuple[Channel, ReadingSeries]]:
     """Yield the channels that have ranges, with enough readings."""
     for channel, readings in log.readings.items():
