@@ -4,9 +4,7 @@ A row is shown only where `cooploc reproduce` has confirmed it on the run as it 
 imported while the board is made; its licence and training are what its certificate says.
 """
 
-import hashlib
 import itertools
-import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -49,7 +47,7 @@ def write(runs: Sequence[StoredRun], out: Path) -> Path:
     """
     studies = [_study(group) for group in _group(runs)]
     labels = sorted({row["estimator"] for one in studies for row in one.rows})
-    pages, counter = {label: f"estimators/{_file_name(label)}.html" for label in labels}, itertools.count(1)
+    pages, counter = {label: f"estimators/{html_page.safe_name(label)}.html" for label in labels}, itertools.count(1)
     (out / "estimators").mkdir(parents=True, exist_ok=True)
     shown = [_shown(one, number, counter) for number, one in enumerate(studies, 1)]
     _write_page(out / PAGE, "Board", {"studies": shown, "wording": html_page.Wording(pages)}, "board.html.j2")
@@ -64,11 +62,6 @@ def write(runs: Sequence[StoredRun], out: Path) -> Path:
 def _write_page(path: Path, title: str, content: dict[str, Any], body: str) -> None:
     context = {"title": title, "manifest": {"versions": {"cooploc": version("cooploc")}}, "embedded": {}, **content}
     path.write_text(html_page.render(context, body), encoding="utf-8")
-
-
-def _file_name(label: str) -> str:
-    plain = re.sub(r"[^A-Za-z0-9]+", "-", label).strip("-")[:60]
-    return plain if plain == label else f"{plain}-{hashlib.sha256(label.encode()).hexdigest()[:6]}"
 
 
 # ------------------------------------------------------------------------------------------------ runs

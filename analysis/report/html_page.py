@@ -168,8 +168,7 @@ def experiment(name: str, plan: dict[str, list[str]], numbers: Numbers, counter:
     table, results = numbers.table, numbers.results
     part = run_numbers.rows_of_experiment(table, plan)
     found = sentences.standings(part, results)
-    plain = re.sub(r"[^A-Za-z0-9]+", "-", name).strip("-")[:60]
-    anchor = "experiment-" + (plain if plain == name else f"{plain}-{hashlib.sha256(name.encode()).hexdigest()[:6]}")
+    anchor = f"experiment-{safe_name(name)}"
     only = len(part) == len(table)
     texts = [] if only else [sentences.best_honest(found, part), sentences.over_confident_estimators(part)]
     changed: list[Table] = []
@@ -198,6 +197,12 @@ def experiment(name: str, plan: dict[str, list[str]], numbers: Numbers, counter:
         "tables": [every, *changed],
         "standings": result_tables.best(found, f"best-{anchor}"),
     }
+
+
+def safe_name(text: str) -> str:
+    """Return a name for files and anchors: letters, digits and hyphens, and a hash where the text had others."""
+    plain = re.sub(r"[^A-Za-z0-9]+", "-", text).strip("-")[:60]
+    return plain if plain == text else f"{plain}-{hashlib.sha256(text.encode()).hexdigest()[:6]}"
 
 
 # ------------------------------------------------------------------------------------------------ trials

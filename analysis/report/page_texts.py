@@ -1,6 +1,5 @@
 """Texts of a report's page: each estimator's introduction, the methods, and how to cite."""
 
-import tomllib
 from collections.abc import Iterable
 from dataclasses import fields
 from typing import Any
@@ -12,7 +11,7 @@ from cooploc.analysis.metrics.compare import FAR
 from cooploc.analysis.metrics.consistency import OVER_CONFIDENT
 from cooploc.analysis.metrics.errors import SENSES
 from cooploc.analysis.report.run_numbers import FLOORED, Numbers, trial_counts
-from cooploc.analysis.report.tables import fill_template, read_template, words
+from cooploc.analysis.report.tables import fill_template, read_toml, words
 from cooploc.estimators import configure, make
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.listing import standing
@@ -66,7 +65,7 @@ def _known_readings(rows: pd.DataFrame) -> str:
 
 def methods(until_decided: bool) -> dict[str, str]:
     """Return terms and what they mean, in a run of a fixed number of trials or in one until decided."""
-    known = tomllib.loads(read_template("methods.toml"))
+    known = read_toml("page/methods.toml")
     terms = {term: text.format(far=FAR, floored=FLOORED) for term, text in known["terms"].items()}
     return {**terms, **known["until_decided"], "Decided": words("captions")["stopped"]} if until_decided else terms
 

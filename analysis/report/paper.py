@@ -1,14 +1,11 @@
 """A run for a paper: figures as PDF and SVG, LaTeX tables that fit, references, and an example document."""
 
 import re
-import tomllib
 from collections.abc import Iterable, Iterator, Sequence
-from functools import cache
 from importlib.metadata import version
-from importlib.resources import files
 from itertools import islice
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import pandas as pd
 
@@ -20,11 +17,12 @@ from cooploc.analysis.plot import style
 from cooploc.analysis.report import result_tables, run_numbers, sentences
 from cooploc.analysis.report.run_figures import OTHERS, RunFigure, draw_experiment
 from cooploc.analysis.report.run_numbers import Labels, Numbers
-from cooploc.analysis.report.tables import Row, Table, escape_latex, fill_template, words
+from cooploc.analysis.report.tables import Row, Table, escape_latex, fill_template, read_toml, words
 from cooploc.estimators import BUILTIN
 from cooploc.estimators.errors import BadInput, nearest
 
 EXAMPLE = "example.tex"
+SOURCES = "sources.toml"  # key -> type, fields, and the estimators or scenarios that rest on it
 DEFAULT = ("rmse", "change", "anees", "bytes")  # columns of the tables
 FIGURES = ("rmse", "anees", "bytes")
 KINDS = ("rmse", *OTHERS)  # of figures
@@ -266,16 +264,10 @@ def file_name(*words: str) -> str:
 # ------------------------------------------------------------------------------------------------ references
 
 
-@cache
-def sources() -> dict[str, dict[str, Any]]:
-    """Return every source by its key: its type, its fields, and the estimators or scenarios that rest on it."""
-    return tomllib.loads((files(__package__) / "sources.toml").read_text("utf-8"))
-
-
 def source_keys(estimator: str) -> list[str]:
     """Return the keys of what an estimator rests on, its own paper first; none of one that is not built in."""
     method = estimator.partition("[")[0]
-    return [key for key, source in sources().items() if method in source.get("estimators", ())]
+    return [key for key, source in read_toml(SOURCES).items() if method in source.get("estimators", ())]
 
 
 def bibtex(estimators: Iterable[str], scenarios: Iterable[str] = ()) -> str:
@@ -283,10 +275,10 @@ def bibtex(estimators: Iterable[str], scenarios: Iterable[str] = ()) -> str:
     names = list(dict.fromkeys(name.partition("[")[0] for name in estimators))
     families = {label.partition("/")[0].partition("[")[0] for label in scenarios}
     used = {"cooploc"} | {key for name in names for key in source_keys(name)}
-    used |= {key for key, source in sources().items() if families & set(source.get("scenarios", ()))}
+    used |= {key for key, source in read_toml(SOURCES).items() if families & set(source.get("scenarios", ()))}
     entries = []
-    for key in filter(used.__contains__, sources()):
-        source = dict(sources()[key])
+    for key in filter(used.__contains__, read_toml(SOURCES)):
+        source = dict(read_toml(SOURCES)[key])
         kind, _, _ = source.pop("type"), source.pop("estimators", ()), source.pop("scenarios", ())
         source |= {"note": f"Version {version('cooploc')}"} if key == "cooploc" else {}
         entries.append("\n".join([f"@{kind}{{{key},", *(f"  {name} = {{{v}}}," for name, v in source.items()), "}\n"]))

@@ -4,12 +4,10 @@ To add a column of results to the terminal, the page, LaTeX, Markdown, CSV and a
 `RESULTS`: its head, the key of `compare`'s table that it shows (two keys for an interval), and how it is written.
 """
 
-import tomllib
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
-from functools import cache, partial
-from importlib.resources import files
+from functools import partial
 from itertools import groupby
 from typing import Any, NamedTuple
 
@@ -23,7 +21,7 @@ from cooploc.analysis.metrics.ranking import disqualifications, is_refused, shor
 from cooploc.analysis.metrics.statistics import Interval
 from cooploc.analysis.report.run_numbers import rank_scenario
 from cooploc.analysis.report.sentences import Standing, SweepChange, summary_sentence
-from cooploc.analysis.report.tables import Row, Table, TableColumn, number_column, text_column, words
+from cooploc.analysis.report.tables import Row, Table, TableColumn, number_column, read_toml, text_column, words
 from cooploc.estimators import nearest
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.listing import declares_bytes, standing
@@ -267,12 +265,6 @@ def sweep_table(name: str, found: list[SweepChange], parameter: str) -> Table:
 HASH = 12  # characters of a stream's hash
 
 
-@cache
-def meanings() -> dict[str, dict[str, str]]:
-    """Return the `meaning` and the `unit` of each parameter of built-in scenarios."""
-    return tomllib.loads((files(__package__) / "parameters.toml").read_text("utf-8"))
-
-
 def scenario_tables(table: pd.DataFrame, settings: Mapping[str, Mapping[str, Any]]) -> list[Table]:
     """Return the scenarios of a table of `compare`, and their parameters, of which `settings` has the values.
 
@@ -292,9 +284,10 @@ def scenario_tables(table: pd.DataFrame, settings: Mapping[str, Mapping[str, Any
         for key, value in settings.get(name, {}).items():
             values.setdefault(key, Counter())[parameter_text(value)] += 1
     lines: list[Row] = []
+    known = read_toml("parameters.toml")
     for key, found in values.items():
         counted = "; ".join(value if n == len(names) else f"{value} ({n})" for value, n in found.items())
-        lines.append({"parameter": key, "value": counted, "unit": "", "meaning": "", **meanings().get(key, {})})
+        lines.append({"parameter": key, "value": counted, "unit": "", "meaning": "", **known.get(key, {})})
     texts = tuple(map(text_column, ("parameter", "value", "unit", "meaning")))
     both = [Table("scenarios", words("captions")["scenarios"], heads, rows, {"data-scenario": "scenario"})]
     return both + [Table("parameters", words("captions")["parameters"], texts, lines)] * bool(lines)

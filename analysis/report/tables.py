@@ -179,9 +179,14 @@ def read_template(name: str) -> str:
 
 
 @cache
+def read_toml(name: str) -> dict[str, Any]:
+    """Return what a TOML file beside this module says, such as the words of tables and figures."""
+    return tomllib.loads((files(__package__) / name).read_text("utf-8"))
+
+
 def words(of: str) -> dict[str, str]:
-    """Return what `words.toml` says of columns, remarks, marks and notes, or the captions of tables, by their names."""
-    known: dict[str, str] = tomllib.loads(read_template("words.toml"))[of]
+    """Return the words for columns, remarks, marks, notes or captions, by their names."""
+    known: dict[str, str] = read_toml("words.toml")[of]
     return known
 
 

@@ -14,9 +14,9 @@ from cooploc.analysis.metrics.consistency import COLLAPSED, OVER_CONFIDENT
 from cooploc.analysis.metrics.ranking import FEWEST_SEPARATED, SEPARATED
 from cooploc.analysis.plot import style
 from cooploc.analysis.report import html_page, page_texts
-from cooploc.analysis.report.result_tables import failures, meanings, parameter_text, scenario_tables
+from cooploc.analysis.report.result_tables import failures, parameter_text, scenario_tables
 from cooploc.analysis.report.run_numbers import numbers_of
-from cooploc.analysis.report.tables import words
+from cooploc.analysis.report.tables import read_toml, words
 from cooploc.estimators import BUILTIN, make
 
 
@@ -39,7 +39,7 @@ def test_parameters_that_scenarios_share_are_said_once_and_others_with_their_val
     values = [np.inf, None, True, [[0, 1], [2, 3]], []]
     assert list(map(parameter_text, values)) == ["∞", "none", "yes", "0, 1; 2, 3", "none"]
     models = {scenarios.family(name).model_class(name) for name in scenarios.BUILTIN}
-    assert {field for model in models for field in model.model_fields} - {"data"} <= set(meanings())
+    assert {field for model in models for field in model.model_fields} - {"data"} <= set(read_toml("parameters.toml"))
 
 
 def test_estimators_are_introduced_once_with_their_configurations_and_no_foreign_code_runs(tmp_path):

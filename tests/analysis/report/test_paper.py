@@ -13,6 +13,7 @@ from made_runs import EVIL, kept_from, rows_of
 from cooploc.analysis.execution.run_directory import select
 from cooploc.analysis.report import paper
 from cooploc.analysis.report.run_numbers import LONGEST, numbers_of, short_labels
+from cooploc.analysis.report.tables import read_toml
 from cooploc.estimators import BUILTIN, make
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.registry import source_of
@@ -129,7 +130,7 @@ def test_a_study_that_includes_another_has_its_names_of_parameters(tmp_path):
 @pytest.mark.parametrize("name", [name for name in BUILTIN if paper.source_keys(name)])
 def test_the_bibliography_has_the_source_that_an_estimator_names(name):
     source = source_of(type(make(name)))
-    first = paper.sources()[paper.source_keys(name)[0]]
+    first = read_toml(paper.SOURCES)[paper.source_keys(name)[0]]
     assert str(first["year"]) in source
     for author in first["author"].split(" and "):
         family = re.sub(r"{\\\W(\w)}", r"\1", author.partition(",")[0])  # without accents
@@ -142,7 +143,7 @@ def test_the_bibliography_of_a_run_holds_what_it_used_and_no_more():
     assert re.findall(r"@\w+{(\w+),", found) == ["cooploc", "luft2018", "leung2011"]
     assert "% mine.py:Filter is not built in: add its source" in found
     assert found.count("{") == found.count("}")
-    known = {name for source in paper.sources().values() for name in source.get("estimators", ())}
+    known = {name for source in read_toml(paper.SOURCES).values() for name in source.get("estimators", ())}
     assert known <= set(BUILTIN)
 
 
