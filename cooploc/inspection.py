@@ -27,8 +27,7 @@ class Inspection:
     @property
     def series(self) -> pd.DataFrame:
         """A row for each series: samples, rate [Hz], first and last stamp [s], gaps, longest interval [s], source."""
-        table = pd.DataFrame([row._asdict() for row in self.inspected.rows], columns=list(SeriesRow._fields))
-        return table.drop(columns="time")
+        return pd.DataFrame(self.inspected.rows, columns=SeriesRow._fields).drop(columns="time")
 
     @property
     def findings(self) -> pd.DataFrame:

@@ -372,5 +372,4 @@ def problems() -> "DataFrame":
     """
     from pandas import DataFrame
 
-    rows = [[one[key] for key in ("name", "about", "trials", "seed", "streams")] for one in problem_tables().values()]
-    return DataFrame(rows, columns=["name", "about", "trials", "seed", "streams"])
+    return DataFrame(list(problem_tables().values()))[["name", "about", "trials", "seed", "streams"]]
