@@ -29,11 +29,6 @@ class Canonical(NamedTuple):
     slope: Any  # (nonzeros + l, p)  sparse: what each parameter adds to them
     cones: list[Any]
 
-    def numbers(self, theta: Array) -> tuple[Array, Array]:
-        """Return the entries of A (K, nonzeros) and b (K, l) for parameters theta (K, p)."""
-        both = (self.slope @ theta.T).T + self.fixed
-        return both[:, : len(self.rows)], both[:, len(self.rows) :]
-
     def stack(self, K: int) -> Callable[[Array, Array], Array]:
         """Return a function that solves K such problems as one: x (K, n) for A (K, nonzeros) and b (K, l)."""
         import clarabel
@@ -54,22 +49,6 @@ class Canonical(NamedTuple):
             return np.reshape(found.x, (K, n))
 
         return solve
-
-
-def canonical(problem: Any, theta: Any) -> Canonical:
-    """Return the canonical form of a DPP with a linear objective and one parameter, the vector theta."""
-    from cvxpy.reductions.solvers.conic_solvers.clarabel_conif import dims_to_solver_cones
-
-    def form(value: Array) -> tuple[dict[str, Any], Array]:
-        theta.value = value
-        data, _, _ = problem.get_problem_data("CLARABEL")
-        return data, np.append(data["A"].data, data["b"])
-
-    data, fixed = form(np.zeros(theta.size))
-    slope = np.stack([form(unit)[1] - fixed for unit in np.eye(theta.size)], 1)
-    return Canonical(
-        data["c"], data["A"].indices, data["A"].indptr, fixed, csr_array(slope), dims_to_solver_cones(data["dims"])
-    )
 
 
 # The program of one fusion: one's own weight w and v = 1 - w weigh terms B_0 and n_k B_k of the information, with
@@ -99,7 +78,8 @@ def solve(B: Array, C: Array, sigma: Array, trace: bool, groups: Indices) -> Arr
     gamma = np.sqrt(np.maximum(C11 * C22 - C12**2, 0.0)) if trace else np.ones(len(C))
     theta = terms[..., 0, 0], terms[..., 0, 1], terms[..., 1, 1], C11, C12, C22, gamma, sigma, np.sqrt(sigma)
     program = _cone_program(k)
-    A, b = program.numbers(np.column_stack(theta))
+    entries = (program.slope @ np.column_stack(theta).T).T + program.fixed
+    A, b = np.split(entries, [len(program.rows)], 1)
     x, stack_of = np.full((len(B), len(program.q)), np.nan), cache(program.stack)
     order = np.lexsort((*sigma.T, *C.T.reshape(-1, len(C)), *B.T.reshape(-1, len(B)), groups))
     for group in np.split(order, np.flatnonzero(np.diff(groups[order])) + 1):
@@ -124,4 +104,14 @@ def _cone_program(k: int) -> Canonical:
         constraints.append(cp.SOC(x + y, cp.hstack([2 * root * h, x - y])))
     X11, X12, X22 = (theta[i * m : (i + 1) * m] @ c - theta[3 * m + i] for i in range(3))
     constraints.append(cp.SOC(X11 + X22, cp.hstack([2 * X12, 2 * theta[3 * m + 3], X11 - X22])))
-    return canonical(cp.Problem(cp.Minimize(cp.sum(c[:2])), constraints), theta)
+    problem = cp.Problem(cp.Minimize(cp.sum(c[:2])), constraints)
+
+    def form(value: Array) -> tuple[dict[str, Any], Array]:
+        theta.value = value
+        data, _, _ = problem.get_problem_data("CLARABEL")
+        return data, np.append(data["A"].data, data["b"])
+
+    data, fixed = form(np.zeros(theta.size))
+    slope = csr_array(np.stack([form(unit)[1] - fixed for unit in np.eye(theta.size)], 1))
+    cones = import_module("cvxpy.reductions.solvers.conic_solvers.clarabel_conif").dims_to_solver_cones(data["dims"])
+    return Canonical(data["c"], data["A"].indices, data["A"].indptr, fixed, slope, cones)

@@ -19,7 +19,7 @@ from cooploc.estimators.covariance_intersection import PIVOT, solve_relative, we
 from cooploc.estimators.interface import Array, Belief, Indices, Mail, Mask, Rows, Senses, Sensor, World
 from cooploc.estimators.kalman import inflated_update, soften_pair, symmetric
 from cooploc.estimators.models import NEAR, TOO_NEAR_TO_RANGE, LogDistance, Range, wrap_heading
-from cooploc.estimators.particle_likelihood import log_normal, pack, unpack
+from cooploc.estimators.particle_likelihood import log_density, pack, unpack
 from cooploc.estimators.particles import offset, summary
 from cooploc.estimators.robust import AssumedLoss, loss_of
 from cooploc.estimators.tunable import tunable
@@ -187,7 +187,7 @@ def fuse_by_message(p: "Ctrn", s: State, z: Senses, mail: Mail) -> State:
         P = np.where((w < 1)[:, None, None], belief.P, np.eye(x.shape[-1]))  # a collapsed one is not inverted
         e = offset(x, belief.x)
         flat = (w - 1)[:, None] * (-0.5 * (e * np.linalg.solve(P[:, None], e[..., None])[..., 0]).sum(-1))
-        logw = np.where(w[:, None] < 1, logw + flat + log_normal(y[..., 0], v, loss_of(sensor)), logw)
+        logw = np.where(w[:, None] < 1, logw + flat + log_density(y, v[..., None, None], loss_of(sensor)), logw)
     return s._replace(own=s.own._replace(logw=logw))
 
 
@@ -200,14 +200,13 @@ def fuse_by_moments(p: "Ctrn", s: State, z: Senses, mail: Mail) -> State:
 
     This is the compiled loop's where there is one for the sensor, else step by step.
     """
-    before, sensor, done = shared.belief_to_send(s.own), s.own.world.sensors[f"radio_{p.reading}"], None
+    before, sensor, chained = shared.belief_to_send(s.own), s.own.world.sensors[f"radio_{p.reading}"], None
     if p.weights == "exact" and type(sensor) in (LogDistance, Range) and loss_of(sensor) == "none":
-        done = chain(before, sensor, mail.packets, getattr(mail, p.reading), p.criterion)
-    if done is None:
+        chained = chain(before, sensor, mail.packets, getattr(mail, p.reading), p.criterion)
+    if chained is None:
         after, s = step_by_step(p, s, before, z, mail)
     else:
-        after, fusions = done
-        s = s._replace(fusions=s.fusions + fusions)
+        after, s = chained[0], s._replace(fusions=s.fusions + chained[1])
     return s._replace(own=s.own._replace(x=follow(s.own.x, before, after)))
 
 

@@ -23,7 +23,14 @@ from cooploc.estimators import joint_gaussian as joint
 from cooploc.estimators import kalman, models
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses, Sensor, Traffic, World
-from cooploc.estimators.joint_kernels import LinearReadings, count_refused, distances, join_ranges, sight_joint
+from cooploc.estimators.joint_kernels import (
+    LinearReadings,
+    count_refused,
+    distances,
+    information,
+    join_ranges,
+    sight_joint,
+)
 from cooploc.estimators.kalman_kernels import add_directions, add_ranges, add_scalars
 from cooploc.estimators.models import AnchorReading, Range, fixed_readings, wrap_heading
 from cooploc.estimators.robust import AssumedLoss
@@ -257,7 +264,9 @@ class EkfJoint:
         """
         P = joint.square(s.P)
         if self.engine == "batched" and not last:
-            return _set_belief(s, joint.flat(s.x) + joint.solve_mean(P, use, readings), P)
+            eta, Lambda = information(use, readings)
+            step = np.linalg.solve(np.eye(P.shape[-1]) + P @ Lambda, P @ eta[..., None])[..., 0]
+            return _set_belief(s, joint.flat(s.x) + step, P)
         step, P = joint.solve_together(self.engine, P, use, readings)
         return _set_belief(s, joint.flat(s.x) + step, P)
 

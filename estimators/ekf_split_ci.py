@@ -91,10 +91,16 @@ class EkfSplitCi:
         return kalman.Message(s.x, (s.Pd, s.Pi), z.sighting if self.both else z.sighting[:, :0]).pack()
 
     def fuse(self, s: State, z: Senses, mail: Mail) -> State:
+        """Use each reading between the robot and a sender, whose split covariance makes the reading's noise."""
         known = np.zeros(mail.heard.shape, bool)  # senders whose independent part this robot has used by now
         sent = kalman.Message.unpack(mail.packets, s.x.shape[-1], parts=2)
         for pair in kalman.receive(s.world, z, mail, sent.sightings, s.robot):
-            s, used = self._cooperate(s, pair, sent, known[:, pair.sender])
+            x_j, Pd_j, Pi_j = (part[:, pair.sender] for part in (sent.x, *sent.P))
+            if self.form == "conservative":
+                again = known[:, pair.sender, None, None]
+                Pd_j, Pi_j = np.where(again, Pd_j + Pi_j, Pd_j), np.where(again, 0.0, Pi_j)
+            y, H, H_j = kalman.soften_pair(pair.sensor, *pair.linearise(s.x, x_j), s.Pd + s.Pi, Pd_j + Pi_j)
+            s, used = self._update(s, y, H, H_j @ Pd_j @ H_j.mT, H_j @ Pi_j @ H_j.mT + pair.sensor.R)
             known[:, pair.sender] |= used
         if self.form == "conservative" and s.world.robots > 1:  # the broadcast contained the independent part
             s = s._replace(Pd=s.Pd + s.Pi, Pi=np.zeros_like(s.Pi))
@@ -102,16 +108,6 @@ class EkfSplitCi:
 
     def estimate(self, s: State) -> Belief:
         return Belief(wrap_heading(s.x), s.Pd + s.Pi)
-
-    def _cooperate(self, s: State, pair: kalman.PairReading, sent: kalman.Message, known: Mask) -> tuple[State, Mask]:
-        """Update by a reading between the robot and a sender, whose split covariance makes the reading's noise."""
-        x_j, Pd_j, Pi_j = (part[:, pair.sender] for part in (sent.x, *sent.P))
-        if self.form == "conservative":
-            again = known[:, None, None]
-            Pd_j, Pi_j = np.where(again, Pd_j + Pi_j, Pd_j), np.where(again, 0.0, Pi_j)
-        y, H, H_j = kalman.soften_pair(pair.sensor, *pair.linearise(s.x, x_j), s.Pd + s.Pi, Pd_j + Pi_j)
-        Rd, Ri = H_j @ Pd_j @ H_j.mT, H_j @ Pi_j @ H_j.mT + pair.sensor.R
-        return self._update(s, y, H, Rd, Ri)
 
     def _update(self, s: State, y: Array, H: Array, Rd: Array, Ri: Array, own: bool = False) -> tuple[State, Mask]:
         """P1 = Pd / w + Pi,  R = Rd / (1 - w) + Ri,  K = P1 H' (H P1 H' + R)^-1 = P' H' R^-1,  x' = x + K y.

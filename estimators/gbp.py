@@ -133,34 +133,12 @@ class State(NamedTuple):
         y, R, (H, H_j) = weigh(y, sensor.R, loss, H, H_j[..., :2])
         return PairFactors(y, H, H_j, R, seen_at)
 
-    def append_pose(self, own: Window) -> Self:
-        """Add a new pose without readings or messages of teammates."""
 
-        def append(past: Array) -> Array:
-            return np.concatenate([past, np.full((len(past), 1, *past.shape[2:]), np.nan)], 1)
-
-        return self._replace(own=own, **_map_fields(append, self, "reading", "theirs", "seen", "heard"))
-
-    def drop_oldest_pose(self, own: Window) -> Self:
-        """Drop the oldest pose, and what was said of it."""
-        names = "P", "at", "reading", "theirs", "seen", "seen_at", "heard"
-        return self._replace(own=own, **_map_fields(lambda a: a[:, 1:], self, *names))
-
-
-def _map_fields(f: Callable[[Array], Array], s: State, *names: str) -> dict[str, Any]:
-    """Return f of each array in these fields, by name."""
-    fields = {name: getattr(s, name) for name in names}
-    return {name: type(a)(*map(f, a)) if isinstance(a, tuple) else f(a) for name, a in fields.items()}
-
-
-def start(prior: Belief, world: World, robot: Indices) -> State:
-    """Return the state before the first tick: no poses."""
-    r, n, d = len(robot), world.robots, prior.x.shape[-1]
-    vectors, matrices = np.empty((r, 0, n, 2)), np.empty((r, 0, n, 2, 2))
-    none = Belief(vectors, matrices), vectors, vectors, Information(vectors, matrices)
-    own = empty(Belief(prior.x[:, None], prior.P[:, None]), world)
-    reading = np.empty((r, 0, n, 2 if "sighting" in world.sensors else 1))
-    return State(own, np.empty((r, 0, d, d)), np.empty((r, 0, d)), reading, *none, prior, prior, robot, world)
+def _map_fields(f: Callable[[Any], Any], s: State, *names: str) -> State:
+    """Return the state with f of each array in these fields."""
+    old: list[Any] = [getattr(s, name) for name in names]
+    new: list[Any] = [type(a)(*map(f, a)) if isinstance(a, tuple) else f(a) for a in old]
+    return s._replace(**dict(zip(names, new, strict=True)))
 
 
 def relax(s: State, iterations: int, anchor_reading: AnchorReading, loss: Loss) -> State:
@@ -220,44 +198,13 @@ class Packet(NamedTuple):
         return cls(unpack(mine), Information(*unpack(yours)))
 
 
-def outgoing(s: State, loss: Loss) -> Packet:
-    """Return the messages to each teammate.
-
-    Of an own position: the belief without the information that came from the teammate's factor; of the newest to all,
-    of older ones to those that are known to have read it. Of a teammate's position: what the own factor says of it,
-    given the own pose without that factor.
-    """
-    x, P = s.x, s.P
-    n, newest = s.world.robots, np.arange(x.shape[1]) == x.shape[1] - 1
-    heard = Information(*map(np.nan_to_num, s.heard))
-    position = Belief(*(np.repeat(a[:, :, None], n, 2) for a in (x[..., :2], P[..., :2, :2])))
-    mine = heard.taken_from(position)
-    asked = ~np.isnan(s.heard.eta[..., 0]) | newest[:, None]
-    factors = s.factors(loss)
-    message = factors.onto_self(s.theirs)
-    off = Belief(np.repeat(wrap_heading(x - s.at)[:, :, None], n, 2), np.repeat(P[:, :, None], n, 2))
-    yours = factors.onto_teammate(message.taken_from(off))
-    made = factors.H_j.any((-2, -1))
-    other = np.arange(n) != s.robot[:, None, None]
-    return Packet(Belief(*_mask(asked & other, *mine)), Information(*_mask(made & other, *yours)))
-
-
-def receive(s: State, reading: Array, packet: Packet) -> State:
-    """Replace messages by newer ones that came; a reading (r, n, k) of a robot that was heard becomes a factor."""
-    readings = s.reading.copy()
-    readings[:, -1] = np.where(np.isnan(packet.mine.x[:, -1, :, :1]), np.nan, reading)
-    wanted = np.asarray(~np.isnan(readings).any(-1))
-    theirs = Belief(*map(_update_known, s.theirs, _mask(wanted, *packet.mine)))
-    heard = Information(*map(_update_known, s.heard, packet.yours))
-    return s._replace(reading=readings, theirs=theirs, heard=heard, seen=_update_known(theirs.x, s.seen))
-
-
 def _update_known(old: Array, new: Array) -> Array:
     return np.where(np.isnan(new), old, new)
 
 
-def _mask(use: Mask, vector: Array, matrix: Array) -> tuple[Array, Array]:
-    return np.where(use[..., None], vector, np.nan), np.where(use[..., None, None], matrix, np.nan)
+def _mask(use: Mask, part: Belief | Information) -> Belief:
+    vector, matrix = part
+    return Belief(np.where(use[..., None], vector, np.nan), np.where(use[..., None, None], matrix, np.nan))
 
 
 @dataclass(frozen=True)
@@ -298,28 +245,61 @@ class Gbp:
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
         if self.anchor_reading not in (*RAW, "none") and "anchor_rssi" in world.sensors:
             gradient_doa(world)
-        return start(prior, world, rows.robot)
+        r, n, d = len(rows.robot), world.robots, prior.x.shape[-1]
+        vectors, matrices = np.empty((r, 0, n, 2)), np.empty((r, 0, n, 2, 2))
+        none = Belief(vectors, matrices), vectors, vectors, Information(vectors, matrices)
+        own = empty(Belief(prior.x[:, None], prior.P[:, None]), world)
+        reading = np.empty((r, 0, n, 2 if "sighting" in world.sensors else 1))
+        return State(own, np.empty((r, 0, d, d)), np.empty((r, 0, d)), reading, *none, prior, prior, rows.robot, world)
 
     def predict(self, s: State, z: Senses) -> State:
-        """Add a new pose x' = f(x, u) at the end of the window."""
+        """Add a new pose x' = f(x, u) at the end of the window, without readings or messages of teammates."""
         alone = z._replace(**{name: getattr(z, name)[:, None] for name in READINGS})
-        return s.append_pose(append_tick(s.own, alone))
+
+        def append(past: Array) -> Array:
+            return np.concatenate([past, np.full((len(past), 1, *past.shape[2:]), np.nan)], 1)
+
+        return _map_fields(append, s._replace(own=append_tick(s.own, alone)), "reading", "theirs", "seen", "heard")
 
     def correct(self, s: State, z: Senses) -> State:
         """Solve the window with this tick's readings of fixed things, so that messages have them."""
         return relax(s, 1, self.anchor_reading, self.loss)
 
     def send(self, s: State, z: Senses) -> Array:
-        """Return a packet (r, n, m) for each teammate: messages on own positions, and on the teammate's."""
-        return outgoing(s, self.loss).pack(self.window)
+        """Return a packet (r, n, m) for each teammate.
+
+        Of an own position: the belief without the information that came from the teammate's factor; of the newest to
+        all, of older ones to those that are known to have read it. Of a teammate's position: what the own factor says
+        of it, given the own pose without that factor.
+        """
+        x, P = s.x, s.P
+        n, newest = s.world.robots, np.arange(x.shape[1]) == x.shape[1] - 1
+        other = np.arange(n) != s.robot[:, None, None]
+        position = Belief(*(np.repeat(a[:, :, None], n, 2) for a in (x[..., :2], P[..., :2, :2])))
+        mine = Information(*map(np.nan_to_num, s.heard)).taken_from(position)
+        asked = ~np.isnan(s.heard.eta[..., 0]) | newest[:, None]
+        factors = s.factors(self.loss)
+        off = Belief(np.repeat(wrap_heading(x - s.at)[:, :, None], n, 2), np.repeat(P[:, :, None], n, 2))
+        yours = factors.onto_teammate(factors.onto_self(s.theirs).taken_from(off))
+        made = factors.H_j.any((-2, -1))
+        return Packet(_mask(asked & other, mine), Information(*_mask(made & other, yours))).pack(self.window)
 
     def fuse(self, s: State, z: Senses, mail: Mail) -> State:
         """Take newer messages, and readings of robots that were heard as factors. The oldest pose may leave."""
-        reading = z.sighting if "sighting" in s.world.sensors else getattr(mail, self.reading)[..., None]
         packet = Packet.unpack(mail.packets, s.own.x.shape[1])
-        s = receive(s, np.where(mail.heard[..., None], reading, np.nan), packet)
+        reading = z.sighting if "sighting" in s.world.sensors else getattr(mail, self.reading)[..., None]
+        heard = mail.heard[..., None] & ~np.isnan(packet.mine.x[:, -1, :, :1])
+        readings = s.reading.copy()
+        readings[:, -1] = np.where(heard, reading, np.nan)
+        mine = _mask(np.asarray(~np.isnan(readings).any(-1)), packet.mine)
+        theirs = Belief(*map(_update_known, s.theirs, mine))
+        known = Information(*map(_update_known, s.heard, packet.yours))
+        s = s._replace(reading=readings, theirs=theirs, heard=known, seen=_update_known(theirs.x, s.seen))
         s = relax(s, self.iterations, self.anchor_reading, self.loss)
-        return s.drop_oldest_pose(drop_oldest(s.own, s.oldest)) if s.own.x.shape[1] == self.window else s
+        if s.own.x.shape[1] < self.window:
+            return s
+        dated = "P", "at", "reading", "theirs", "seen", "seen_at", "heard"
+        return _map_fields(lambda a: a[:, 1:], s._replace(own=drop_oldest(s.own, s.oldest)), *dated)
 
     def estimate(self, s: State) -> Belief:
         return Belief(wrap_heading(s.newest.x), s.newest.P)

@@ -125,12 +125,6 @@ def stack_readings(use: Mask, readings: LinearReadings) -> tuple[Array, Array, A
     return y, H.reshape(t, size, n * d), noise.reshape(t, size, size)
 
 
-def solve_mean(P: Array, use: Mask, readings: LinearReadings) -> Array:
-    """Return the same step (t, n d) alone, by one right-hand side."""
-    eta, Lambda = information(use, readings)
-    return np.asarray(np.linalg.solve(np.eye(P.shape[-1]) + P @ Lambda, P @ eta[..., None]), float)[..., 0]
-
-
 def solve_together(engine: EngineName, P: Array, use: Mask, readings: LinearReadings) -> tuple[Array, Array]:
     """Return P' H'R^-1 y (t, n d) and P' = (P^-1 + H'R^-1 H)^-1 (t, n d, n d) by the readings that `use` allows.
 

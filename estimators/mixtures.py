@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cooploc.estimators.compiled import exp, inlined, kernel, ln, readable, row_buffer, store, wide
-from cooploc.estimators.interface import Array, Belief, Mask, Sensor
+from cooploc.estimators.interface import Array, Belief, Sensor
 from cooploc.estimators.models import NEAR, TOO_NEAR_TO_RANGE, LogDistance, Range
 from cooploc.estimators.particle_kernels import load_row, row_of
 from cooploc.estimators.particle_likelihood import ReceivedPackets, fill_rows, log_density, pack
@@ -138,19 +138,13 @@ def weigh_reference(sensor: Sensor, sent: Mixture, z: Array, x: Array, logw: Arr
         if len(rows):
             w, m, P = (part[rows, None, j] for part in sent)  # (p, 1, K, ...)
             y, _, J = sensor.innovation(x[rows, :, None], m, z[rows, None, None, j])
-            logw[rows] += _log_sum(
-                w, log_density(y, J @ P @ J.mT + sensor.R, loss_of(sensor)), np.asarray(np.isnan(y).any(-1))
-            )
+            logs = log_density(y, J @ P @ J.mT + sensor.R, loss_of(sensor))  # (p, N, K)
+            absent = np.isnan(y).any(-1) | np.isnan(w) | (w == 0) | ~np.isfinite(logs)  # what overflows says nothing
+            nothing = absent.all(-1)
+            logs = np.where(absent, -np.inf, logs + np.log(np.where(absent, 1.0, w)))
+            top = np.where(nothing, 0.0, logs.max(-1))
+            logw[rows] += top + np.log(np.where(nothing, 1.0, np.exp(logs - top[..., None]).sum(-1)))
     return logw
-
-
-def _log_sum(w: Array, logs: Array, absent: Mask) -> Array:
-    """Return log sum_k w_k exp(logs_k) over the components (..., K) that are not absent; 0 where all are."""
-    absent = absent | np.isnan(w) | (w == 0) | ~np.isfinite(logs)  # what overflows says nothing
-    logs = np.where(absent, -np.inf, logs + np.log(np.where(absent, 1.0, w)))
-    top = np.where(absent.all(-1), 0.0, logs.max(-1))
-    total = np.exp(logs - top[..., None]).sum(-1)
-    return np.asarray(top + np.log(np.where(absent.all(-1), 1.0, total)))
 
 
 # Particles as a few clusters: the widest is halved at its mean, along its widest axis, until there are K.

@@ -25,12 +25,7 @@ def unpack(packet: Array) -> Belief:
     return Belief(packet[..., :2], packet.take([[2, 3], [3, 4]], -1))
 
 
-Fixed = tuple[Sensor, Array, Array]  # sensor, place (2,) and readings (r, 1) of a fixed place, as of `World.fixed`
-
-
-def log_normal(y: Array, v: Array, loss: Loss = "none") -> Array:
-    """log N(y; 0, v), or that of a loss, without its constant; 0 where the reading is absent."""
-    return np.where(np.isnan(y), 0.0, -0.5 * lost(loss, y**2 / v, 1) - 0.5 * np.log(v))
+Fixed = tuple[Sensor, Array, Array]  # sensor, place (2,) and readings (r, k) of a fixed place, as of `World.fixed`
 
 
 def anchors(fixed: Sequence[Fixed], x: Array, logw: Array) -> Array:
@@ -56,10 +51,12 @@ def anchor_readings(fixed: Sequence[Fixed], rows: int) -> tuple[Array, Array, fl
 
 
 def anchors_reference(fixed: Sequence[Fixed], x: Array, logw: Array) -> Array:
-    """Compute `anchors` in numpy, for any scalar sensor."""
+    """Compute `anchors` in numpy, for any sensor of one or two numbers, in rows that have a reading."""
+    logw = logw.copy()
     for sensor, place, reading in fixed:
-        y, _, _ = sensor.innovation(x, place, reading[:, None, :])
-        logw = logw + log_normal(y[..., 0], sensor.R[0, 0], loss_of(sensor))
+        rows = np.flatnonzero(~np.isnan(reading).any(-1))
+        y, _, _ = sensor.innovation(x[rows], place, reading[rows, None])
+        logw[rows] += log_density(y, sensor.R, loss_of(sensor))
     return logw
 
 
@@ -110,7 +107,7 @@ def teammates_reference(heard: ReceivedPackets, x: Array, logw: Array) -> Array:
         if integrate:
             J = J[..., 0, :]  # (r, N, 2)
             v = v + ((J @ P_j) * J).sum(-1)
-        logw = logw + log_normal(y[..., 0], v, loss_of(sensor))
+        logw = logw + log_density(y, v[..., None, None], loss_of(sensor))
     return logw
 
 

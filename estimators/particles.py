@@ -18,8 +18,7 @@ from cooploc.estimators.errors import BadInput, require
 from cooploc.estimators.interface import Array, Belief, Keys, Mail, Mask, Motion, Rows, Senses, Sensor, World
 from cooploc.estimators.models import Displacement, circular_mean, gradient_doa, wrap, wrap_heading
 from cooploc.estimators.particle_kernels import BANDWIDTH, advance_rows, conclude_rows, systematic
-from cooploc.estimators.particle_likelihood import Fixed, ReceivedPackets, log_density, planes, teammates
-from cooploc.estimators.robust import loss_of
+from cooploc.estimators.particle_likelihood import Fixed, ReceivedPackets, planes, teammates
 
 
 def sample_prior(prior: Belief, key: Keys, n: int) -> Array:
@@ -380,16 +379,9 @@ def correct(p: Any, s: FilterState, z: Senses) -> FilterState:
         logw = particle_likelihood.window(doa, s.world.motion, s.x, s.logw, angles, s.trail, form, power(p))
         s = s._replace(logw=logw)
     s = round_to_single(p, s)
-    return _weigh_by_landmarks(s, z) if reads == "landmark" else s
-
-
-def _weigh_by_landmarks(s: FilterState, z: Senses) -> FilterState:
-    logw = s.logw.copy()
-    for sensor, place, reading in s.world.fixed(z):
-        rows = np.flatnonzero(~np.isnan(reading).any(-1))
-        y, _, _ = sensor.innovation(s.x[rows], place, reading[rows, None])
-        logw[rows] += log_density(y, sensor.R, loss_of(sensor))
-    return s._replace(logw=logw, sent=None)
+    if reads != "landmark":
+        return s
+    return s._replace(logw=particle_likelihood.anchors_reference(list(s.world.fixed(z)), s.x, s.logw), sent=None)
 
 
 def belief_to_send(s: FilterState) -> Belief:

@@ -47,11 +47,12 @@ def load_from_file(name: str) -> Any:
 
 def needed_files(sent: bytes) -> dict[str, Path]:
     """Return the files whose objects a pickle refers to, by the names under which they are imported here."""
-
-    def refers_to(module: str) -> bool:
-        return bytes([0x8C, len(module.encode())]) + module.encode() in sent  # as a pickle holds a string
-
-    return {name: path for name, (path, beside) in _loaded.items() if any(map(refers_to, (name, *beside)))}
+    needed = {}
+    for name, (path, beside) in _loaded.items():
+        encoded = [module.encode() for module in (name, *beside)]
+        if any(bytes([0x8C, len(module)]) + module in sent for module in encoded):  # as a pickle holds a string
+            needed[name] = path
+    return needed
 
 
 def load(files: dict[str, Path]) -> None:

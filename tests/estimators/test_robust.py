@@ -40,7 +40,8 @@ def test_thresholds_are_exceeded_as_often_by_one_number_as_by_two():
 
 def test_log_likelihoods_are_those_of_scipy_up_to_a_constant():
     y, v = np.array([0.0, 0.5, -2.0, 7.0, np.nan]), 0.8
-    student, hubers = (particle_likelihood.log_normal(y, v, loss) for loss in ("student", "huber"))
+    losses, S = ("student", "huber"), np.full((len(y), 1, 1), v)
+    student, hubers = (particle_likelihood.log_density(y[:, None], S, loss) for loss in losses)
     expected = t.logpdf(y[:4], robust.DEGREES, scale=v**0.5)
     np.testing.assert_allclose(student[:4] - student[0], expected - expected[0], rtol=1e-12)
     np.testing.assert_allclose(hubers[:4] - hubers[0], -huber(robust.THRESHOLD[1], y[:4] / v**0.5), rtol=1e-12)
