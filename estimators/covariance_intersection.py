@@ -62,9 +62,8 @@ def solve_relative(
     solution = Solution(np.ones(len(P_i)), np.zeros(len(P_i), bool))
     _, kind = _roots(P_j)
     _require(kind != BAD, "P_j", np.arange(len(P_j)))
-    present = kind == FINE
-    _clear_absent((readable(P_i), readable(H_i), readable(H_j), R), present)
-    rows = np.flatnonzero(present)
+    absent = [np.isnan(part).any((1, 2)) for part in (P_i, H_i, H_j, R)]
+    rows = np.flatnonzero((kind == FINE) & ~np.logical_or.reduce(absent))
     if rows.size == 0 or R.shape[-1] == 0:
         return solution
     P, H, R, U = P_i[rows], H_i[rows], R[rows], symmetric(H_j @ P_j @ H_j.mT)[rows]
@@ -322,16 +321,6 @@ def _fill_roots(P, V, kind, axes):
         for i in range(len(axes)):
             for j in range(len(axes)):
                 V[f, i, j] = M[T, i, j] if kind[f] == FINE else 0.0
-
-
-@strict_kernel
-def _clear_absent(parts, there):
-    """Clear the rows of `there` (K,) in which anything of some arrays (K, a, b) is nan."""
-    for array in parts:
-        for f in range(len(array)):
-            for i in range(array.shape[1]):
-                for j in range(array.shape[2]):
-                    there[f] = there[f] and not np.isnan(array[f, i, j])
 
 
 @strict_inlined

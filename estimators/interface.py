@@ -5,6 +5,10 @@ estimator is a frozen dataclass of parameters with pure methods; its state is a 
 scalars that all rows share. A tick is predict, correct, send, carry, fuse, estimate: odometry of tick k covers
 (k-1, k], readings are taken at k, and the estimate after `fuse` is compared with the truth at k.
 
+An estimator with hindsight, `offline = True`, has one method instead: `smooth(prior, world, rows, z, air)` returns
+beliefs x (t, T, n, d), P (t, T, n, d, d) of every trial, tick and robot. The prior, before tick 0, and rows are
+(t, n, ...), senses (t, T, n, ...); `air` has `heard`, `rssi`, `range` (t, T, n, n), axis 2 the receiver, no packets.
+
 nan means absent, width 0 that the channel does not exist. SI units; x points east, y north, headings are
 counter-clockwise from x in (-pi, pi].
 """
@@ -243,25 +247,3 @@ class TeamEstimator(Protocol[S]):
         ...
 
     def estimate(self, s: S) -> Belief: ...
-
-
-class OfflineEstimator(Protocol):
-    """An estimator with hindsight: it is given the readings of all robots and ticks at once, such as a smoother.
-
-    No robot could run it: tables and figures show it as a kind of its own, not ranked and never best. It has `api`,
-    `uses`, the optional members of `Estimator`, and nothing but:
-    """
-
-    api: ClassVar[int]
-    offline: ClassVar[bool]  # True
-
-    @property
-    def uses(self) -> tuple[str, ...]: ...
-
-    def smooth(self, prior: Belief, world: World, rows: Rows, z: Senses, air: Mail) -> Belief:
-        """Return beliefs x (t, T, n, d), P (t, T, n, d, d) of every trial, tick and robot.
-
-        The prior, before tick 0, and rows are (t, n, ...), as of a team; senses (t, T, n, ...); `air` has `heard`,
-        `rssi` and `range` (t, T, n, n), axis 2 the receiver, and no packets.
-        """
-        ...

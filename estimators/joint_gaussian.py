@@ -107,31 +107,19 @@ def linear_fixed(y: Array, H: Array, R: Array) -> LinearReadings:
     return linear_readings(y[:, :, None], H[:, :, None], np.zeros_like(H)[:, :, None], R)
 
 
-def stack_readings(use: Mask, readings: LinearReadings) -> tuple[Array, Array, Array]:
-    """Return all readings as one vector y (t, m), H (t, m, n d), R (t, m, m); H = 0 where `use` excludes them."""
-    y, H_i, H_j, R = readings
-    t, n, others, k, d = H_i.shape
-    H, noise = np.zeros((t, n, others, k, n, d)), np.zeros((t, n * others, k, n * others, k))
-    for i in range(n):
-        H[:, i, :, :, i] += H_i[:, i]
-    for j in range(others):
-        H[:, :, j, :, j] += H_j[:, :, j]
-    H = np.where(use[..., None, None, None], H, 0.0)
-    R = np.where(use[..., None, None], R, np.eye(k)).reshape(t, -1, k, k)
-    for m in range(n * others):
-        noise[:, m, :, m] = R[:, m]
-    size = n * others * k
-    y = np.where(use[..., None], y, 0.0).reshape(t, size)
-    return y, H.reshape(t, size, n * d), noise.reshape(t, size, size)
-
-
 def solve_together(engine: EngineName, P: Array, use: Mask, readings: LinearReadings) -> tuple[Array, Array]:
     """Return P' H'R^-1 y (t, n d) and P' = (P^-1 + H'R^-1 H)^-1 (t, n d, n d) by the readings that `use` allows.
 
     As (I + P Lambda)^-1 P, which needs no inverse of P; where Lambda is 0 it is P.
     """
-    if engine == "filterpy":
-        return ENGINES[engine].update(np.zeros(P.shape[:2]), P, *stack_readings(use, readings), np.inf)
+    if engine == "filterpy":  # one after the other, as all are linear
+        (y, H_i, H_j, R), x = readings, np.zeros(P.shape[:2])
+        n, others = y.shape[1:3]
+        for i, j in np.argwhere(use.any(0)).tolist():
+            H = dense({i: H_i[:, i, j]} if others == 1 else {i: H_i[:, i, j], j: H_j[:, i, j]}, n)
+            rest = np.where(use[:, i, j, None], y[:, i, j] - (H @ x[..., None])[..., 0], np.nan)
+            x, P = ENGINES[engine].update(x, P, rest, H, R[:, i, j], np.inf)
+        return x, P
     eta, Lambda = information(use, readings)
     P = symmetric(np.asarray(np.linalg.solve(np.eye(P.shape[-1]) + P @ Lambda, P), float))
     return (P @ eta[..., None])[..., 0], P

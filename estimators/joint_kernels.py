@@ -241,17 +241,6 @@ def _fill_gain(Pi, at, B, Gamma):
 
 
 @strict_kernel
-def _fill_reduced(P, mine, A, nothing, out):
-    """Write P - mine mine', and return whether it is positive definite."""
-    fill_product(mine, mine.T, A)
-    for a in range(len(P)):
-        for b in range(len(P)):
-            out[a, b] = A[a, b] = P[a, b] - A[a, b]
-    whiten(A, nothing)
-    return A[len(P) - 1, len(P) - 1] > 0
-
-
-@strict_kernel
 def _subtract(Pi, Gamma):
     """Pi (n d, n d) -= Gamma' Gamma, row by row: the copy of a large team fills a cache."""
     for b in range(len(Pi)):
@@ -288,7 +277,11 @@ def master(team, a, at, reading, heard, gate):
         for i in range(n):
             runaway = _fill_gain(Pi[s, i].reshape(n * d, n * d), at, B, Gamma[i])
             fill_product(Phi[s, i], Gamma[i, :, i * d : i * d + d].T, mine[i])
-            sound[i] = _fill_reduced(P[s, i], mine[i], A[0], nothing, new[i]) and not runaway
+            fill_product(mine[i], mine[i].T, A[0])
+            fill_sum(1.0, P[s, i], -1.0, A[0], new[i])
+            fill_sum(1.0, new[i], 0.0, new[i], A[0])
+            whiten(A[0], nothing)
+            sound[i] = A[0, d - 1, d - 1] > 0 and not runaway  # P less mine mine' is definite
         used[s] = True
         for m in at:
             used[s] = used[s] and sound[m]

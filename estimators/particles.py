@@ -28,20 +28,13 @@ def sample_prior(prior: Belief, key: Keys, n: int) -> Array:
 
 
 def advance(
-    motion: Motion,
-    x: Array,
-    logw: Array,
-    due: Mask,
-    z: Senses,
-    key: Keys,
-    tick: int,
-    fixed: Sequence[Fixed] = (),
-    sends: bool = False,
+    s: "FilterState", z: Senses, tick: int, fixed: Sequence[Fixed] = (), sends: bool = False
 ) -> tuple[Array, Array, Belief | None]:
-    """Begin a tick: resample the rows that are `due`, move, and weigh by the readings of fixed places.
+    """Begin a tick: resample the rows that are due, move, and weigh by the readings of fixed places.
 
     Returns particles (r, n, d) drawn from P(x' | x, u), their log-weights, and if they are to be sent their moments.
     """
+    motion, x, logw, key = s.world.motion, s.x, s.logw, s.key
     anchors = particle_likelihood.anchor_readings(fixed, len(x))
     if type(motion) is not Displacement or x.shape[-1] != 2 or anchors is None:
         x, logw = resample(x, logw, key, tick - 1)
@@ -49,7 +42,7 @@ def advance(
         x = motion.sample(x, z.odometry[:, None, :], z.dt[:, None], noise)
         logw = particle_likelihood.anchors(fixed, x, logw)
         return x, logw, summary(x, logw) if sends else None
-    cloud, sd = (planes(x), readable(logw), readable(due)), np.sqrt(motion.sigma**2 / motion.tick * z.dt)
+    cloud, sd = (planes(x), readable(logw), readable(s.due)), np.sqrt(motion.sigma**2 / motion.tick * z.dt)
     step = readable(z.odometry), readable(sd), readable(key), tick * random_numbers.PURPOSES
     after, logw_new = np.empty((2 * len(x), x.shape[1]), x.dtype), np.empty_like(logw, order="C")
     belief = Belief(np.empty((len(x), 2)), np.empty((len(x), 2, 2)))
@@ -181,14 +174,11 @@ def no_past_packets(rows: int, senders: int, samples: int) -> PastPackets:
 
 def keep_received(past: PastPackets, heard: ReceivedPackets) -> PastPackets:
     """Put the packets of this tick in front, where there are any, and forget the oldest."""
-    new = ~np.isnan(heard.readings)
-
-    def push(memory: Array, newest: Array) -> Array:
+    new, kept = ~np.isnan(heard.readings), []
+    for memory, newest in zip(past, (heard.packets, heard.readings, np.zeros_like(past.trail[:, :, 0])), strict=True):
         longer = np.concatenate([newest[:, :, None], memory[:, :, :-1]], 2)
-        return np.where(new.reshape(*new.shape, *[1] * (memory.ndim - 2)), longer, memory)
-
-    here = np.zeros_like(past.trail[:, :, 0])
-    return PastPackets(push(past.packets, heard.packets), push(past.readings, heard.readings), push(past.trail, here))
+        kept.append(np.where(new.reshape(*new.shape, *[1] * (memory.ndim - 2)), longer, memory))
+    return PastPackets(*kept)
 
 
 def weigh_past_packets(
@@ -351,7 +341,7 @@ def predict(p: Any, s: FilterState, z: Senses) -> FilterState:
         x, logw = np.repeat(middle[:, None, :], p.particles, 1), np.zeros_like(s.logw)
         x[..., :2] += p.box * (2 * random_numbers.uniforms(s.key, tick, random_numbers.BOX, p.particles) - 1)
     else:
-        x, logw, _ = advance(motion, s.x, s.logw, s.due, z, s.key, tick)
+        x, logw, _ = advance(s, z, tick)
     return round_to_single(p, s._replace(x=x, logw=logw, tick=tick, trail=trail))
 
 
@@ -361,7 +351,7 @@ def correct(p: Any, s: FilterState, z: Senses) -> FilterState:
     fixed = list(s.world.fixed(z)) if reads == "rssi" else []
     if _is_one_pass(p, s.world):
         sends = reads != "landmark" and p.sends != "nothing"
-        x, logw, sent = advance(s.world.motion, s.x, s.logw, s.due, z, s.key, s.tick, fixed, sends)
+        x, logw, sent = advance(s, z, s.tick, fixed, sends)
         s = s._replace(x=x, logw=logw, sent=sent)
     elif reads == "rssi":
         s = s._replace(logw=particle_likelihood.anchors(fixed, s.x, s.logw))

@@ -1,6 +1,7 @@
 """The compiled sums over links against the sensors' own numpy, and what absence means to them."""
 
 from dataclasses import dataclass
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -139,7 +140,8 @@ def test_past_packets_of_a_sensor_without_a_loop_weigh_the_same(motion, rng):
 def advance(x, logw, due, u, dt, key, fixed):
     nothing = np.empty((len(dt), 0))
     z = Senses(u, dt, nothing, nothing, nothing, {})
-    return particles.advance(Displacement(0.3, 0.5), x, logw, due, z, key, 9, fixed, sends=True)
+    world = SimpleNamespace(motion=Displacement(0.3, 0.5))
+    return particles.advance(SimpleNamespace(world=world, x=x, logw=logw, due=due, key=key), z, 9, fixed, sends=True)
 
 
 @sizes
