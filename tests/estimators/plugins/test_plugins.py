@@ -47,8 +47,6 @@ def test_an_estimator_in_a_file_is_made_by_its_path_and_again_when_the_file_was_
 @pytest.mark.parametrize(
     ("label", "words"),
     [
-        ("mine.py:mine[scale=2]", "takes no parameters: name its class"),
-        ("mine.py:Mine[scales=2]", "no parameter 'scales'; did you mean 'scale'"),
         ("mine.py:Wrong", "mine.py has no 'Wrong'; known are Mine, Plain, Needs, mine$"),
         ("mine.py:Needs", "cannot be made without arguments .*size.*; give its parameters defaults"),
         ("mine.py", "mine.py is a file: say which of its names"),

@@ -35,7 +35,6 @@ def test_parameters_are_written_the_same_everywhere():
         ("Mine=own.py:Mine", "'Mine' cannot be a name: write small letters, digits, hyphens, as in mine=own.py:Mine"),
         ("=own.py:Mine", "'' cannot be a name"),
         ("arl=own.py:Mine[K=1]", "an estimator is called 'arl' already: give own.py:Mine another name"),
-        ("mine=own.py", "own.py is a file: say which of its names, own.py:Name"),
     ],
 )
 def test_what_cannot_be_made_is_refused_with_the_remedy(written, said):
