@@ -37,18 +37,6 @@ def interpolate(stamps: Array, values: Array, at: Array, max_gap: float) -> Arra
     return np.where(known[:, None], line, np.nan)
 
 
-def mean_held(stamps: Array, values: Array, edges: Array) -> Array:
-    """Return the means (T, k) between the edges (T + 1,) of values (m, k) that hold until the next stamp.
-
-    They are nan where an interval begins before the first stamp or after the last, as what held there is unknown.
-    """
-    knots = np.append(stamps, max(stamps[-1], edges[-1]))
-    integral = np.cumsum(np.concatenate([np.zeros_like(values[:1]), values * np.diff(knots)[:, None]]), axis=0)
-    at_edges = np.stack([np.interp(edges, knots, column) for column in integral.T], -1)
-    known = (edges[:-1] >= stamps[0]) & (edges[:-1] <= stamps[-1])
-    return np.where(known[:, None], np.diff(at_edges, axis=0) / np.diff(edges)[:, None], np.nan)
-
-
 class Gaps(NamedTuple):
     """Longest intervals between two stamps across which values are known."""
 
@@ -195,9 +183,20 @@ def bearing(pose: Array, place: Array) -> Array:
 
 
 def _hold_values(time: Array, u: Array, grid: Grid, max_hold: float) -> Array:
-    """Return the means (T, k) of values that hold until the next stamp (time less t0), nan where it is far."""
+    """Return the means (T, k) of values (m, k) that hold until the next stamp (time less t0).
+
+    They are nan where the next stamp is far, and where an interval begins before the first stamp or after the last, as
+    what held there is unknown.
+    """
     edges = grid.edges - grid.t0
-    mean = mean_held(time, u, edges) if grid.lines is None else u[np.searchsorted(time, edges[:-1])]
+    if grid.lines is None:
+        knots = np.append(time, max(time[-1], edges[-1]))
+        integral = np.cumsum(np.concatenate([np.zeros_like(u[:1]), u * np.diff(knots)[:, None]]), axis=0)
+        at_edges = np.stack([np.interp(edges, knots, column) for column in integral.T], -1)
+        known = (edges[:-1] >= time[0]) & (edges[:-1] <= time[-1])
+        mean = np.where(known[:, None], np.diff(at_edges, axis=0) / np.diff(edges)[:, None], np.nan)
+    else:
+        mean = u[np.searchsorted(time, edges[:-1])]
     gap = np.append(np.diff(time, prepend=time[0]), 0.0)  # before each stamp, and after the last
     begins, ends = gap[np.searchsorted(time, edges[:-1], side="right")], gap[np.searchsorted(time, edges[1:])]
     return np.where(((begins > max_hold) | (ends > max_hold))[:, None], np.nan, mean)

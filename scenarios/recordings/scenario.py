@@ -182,15 +182,17 @@ class TeamScenario(schema.Model):
         else:
             others = self.folder.others(self.run) if fit.on == "other runs" else []
             parts = [FitPart(other, *sampling.span(other), lines) for other in others]
-        how, choice = self._fit_settings(grid.tick), "fitted as asked"
+        stated = self.folder.description.model.model_dump() | self._overrides(tuple(schema.Model.model_fields))
+        inflate, choice = self.correlation == "inflate", "fitted as asked"
+        how = FitSettings(grid.tick, self._gaps, stated, self.bias, bool(self.robust), inflate)
         if self.robust is None:
             how, choice = choose_fit(log, parts, how)
         models = team_models(log, parts, how)
-        stated, fixed = self.folder.description.arena, np.concatenate([log.anchors.positions, log.landmarks.positions])
-        if not stated and not len(fixed):
+        corners, fixed = self.folder.description.arena, np.concatenate([log.anchors.positions, log.landmarks.positions])
+        if not corners and not len(fixed):
             lack = "there are no fixed things around which the arena lies; state its corners [m] in log.toml"
             raise BadInput(f"{self.folder.data}: {lack}: arena = [[0, 0], [6, 4]]")
-        arena = np.array(stated, float) if stated else arena_around(fixed)
+        arena = np.array(corners, float) if corners else arena_around(fixed)
         return JudgedRun(log, grid, parts, models, arena, how, choice)
 
     @cached_property
@@ -349,10 +351,6 @@ class TeamScenario(schema.Model):
     @property
     def _gaps(self) -> Gaps:
         return Gaps(self._sample.max_gap, self._sample.max_hold)
-
-    def _fit_settings(self, tick: float) -> FitSettings:
-        stated = self.folder.description.model.model_dump() | self._overrides(tuple(schema.Model.model_fields))
-        return FitSettings(tick, self._gaps, stated, self.bias, bool(self.robust), self.correlation == "inflate")
 
     def _overrides(self, names: Sequence[str]) -> dict[str, Any]:
         """Return the parameters that replace values of the description."""
