@@ -23,11 +23,12 @@ from cooploc.analysis.report.tables import Table, interval_column, number_column
 BASELINE = "ekf-local"
 PIECE = 63.0  # [s] of the recording, whose 756 s make twelve
 SHORT = {r"\[density=exact,M=1,K=1.*\]": "", r"\[anchor_reading=doa\]": ""}
+PLAIN = "ekf-joint[iterations=1,second_order=false,update=sequential]"
 REAL = (
     *("ekf-local", "ekf-naive", "ekf-ci", "ekf-event-ci", "ekf-split-ci", "ekf-split-ci[form=conservative]", "ekf-ici"),
     *("ekf-ici[form=fixed]", "ekf-hmd", "ekf-hmd[weight=0.8]", "ekf-gs-ci", "ekf-luft", "ekf-interim", "gbp"),
-    *("ekf-event-ci[threshold=0.01]", "ekf-gs-ci[period=10]"),
-    *("ekf-joint", "iekf-joint", "ukf-joint"),
+    *("ekf-event-ci[threshold=0.01]", "ekf-gs-ci[period=10]", "cmrl", "channel-pf", "reciprocal-pf"),
+    *("iekf-joint", "ukf-joint", "ekf-joint", PLAIN, "ekf-joint[loss=student]"),
 )
 
 
