@@ -4,6 +4,7 @@ The folder of the recordings holds uwb-tiers, wifi-rssi and mrclam6; the runs ar
 and `wifi-priors`.
 """
 
+import re
 import shutil
 import tempfile
 from contextlib import suppress
@@ -23,7 +24,7 @@ from cooploc.scenarios.recordings.sampling import Gaps, span
 from cooploc.scenarios.studies.study import load
 
 BAGS = {"two-robots": "two turtlebots, one radio pair, 45 s", "four-robots": "four turtlebots, six radio pairs, 17 s"}
-WIFI = ["dead-reckoning", "ekf-local", "ekf-local[anchor_reading=rssi]", "rssi-pf"]
+SHOWN = ("dead-reckoning", "constant", "rssi-pf", "ekf-local", "ekf-ci", "ekf-split-ci", "ekf-luft", "ekf-joint")
 
 
 def ranges(label: str, data: Path) -> pd.DataFrame:
@@ -31,8 +32,7 @@ def ranges(label: str, data: Path) -> pd.DataFrame:
     model = resolve(label, data).model.at([0])
     judged = model.judged_run
     log, robots = judged.log, judged.log.robots
-    whole = FitPart(log, *span(log))
-    found = residuals([whole], "range", robots, judged.how._replace(gaps=Gaps(0.5, 0.5)))
+    found = residuals([FitPart(log, *span(log))], "range", robots, judged.how._replace(gaps=Gaps(0.5, 0.5)))
     error = found.z[:, 0] - found.distance
     rows = []
     for link in np.unique(found.link):
@@ -68,7 +68,7 @@ def values(runs: Path, out: Path, data: Path) -> dict[str, Any]:
         **bags(data, folder),
         "uwb": by_scenario(runs / "uwb", "anees_median"),
         "mrclam": by_scenario(runs / "mrclam", "anees"),
-        "wifi": wifi(data),
+        "recordings": recordings(runs / "recordings"),
     }
 
 
@@ -100,18 +100,17 @@ def bags(data: Path, out: Path) -> dict[str, Any]:
     return {"bags": sections, **ends, "less": list(dict.fromkeys(less))}
 
 
-def wifi(data: Path) -> str:
-    """Return a row for each run: RMSE with models fitted by least squares, and robustly."""
+def recordings(runs: Path) -> str:
+    """Return a row for each public recording that was run: the errors [m]; without runs, the rows as they are."""
+    if not runs.exists():
+        page = Path(__file__).with_name("real-robots.md").read_text("utf-8")
+        return re.findall(r"^\| recording .*?(?=\n\n)", page, re.DOTALL | re.MULTILINE)[0]
     rows = []
-    for trial in range(11):
-        row: dict[str, str] = {}
-        for label, word in (("wifi/all[robust=false]", "least squares"), ("wifi/all[robust=true]", "robust")):
-            truth, stream = cl.simulate(label, data=data / "wifi-rssi", trials=[trial])
-            name = Path(stream.notes["recording"]).name
-            row |= {"run": name, "set-up": name.partition("_")[0].rstrip("0123456789")}
-            table = cl.summarize(cl.errors(truth, cl.run(WIFI, stream))).set_index("estimator")["rmse"]
-            row |= {f"{estimator}, {word}": f"{table[estimator]:.2f}" for estimator in WIFI}
-        rows.append(row)
+    for folder in sorted(runs.iterdir()):
+        table = cl.load_run(folder).table
+        error = dict(zip(table["estimator"].str.partition("[")[0], table["rmse"].map(metres), strict=True))
+        row = {"recording": folder.name, "robots": int(table["robots"].iloc[0]), "runs": int(table["trials"].iloc[0])}
+        rows.append(row | {name: error.get(name, "") for name in SHOWN})
     return pipe(pd.DataFrame(rows))
 
 
