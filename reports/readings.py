@@ -16,7 +16,7 @@ from cooploc.analysis.plot import style
 from cooploc.analysis.report.claim_tables import over_readings
 
 FOLDER = Path(__file__).resolve().parent / "readings"
-TIMED = "cost", "time"  # kinds of claims that need the times of a quiet machine, in many parts
+ELSEWHERE = "cost", "time", "traffic"  # kinds of claims that a short run, or any reading, says nothing of
 MAP = (
     "claim", "says", "supported", "specifications", "implausible", "direction only", "contradicted", "undecided",
     *multiverse.AFTER_HOLM.values(), "letter", "code", "preset",
@@ -31,7 +31,7 @@ def values(runs: Path, out: Path, data: Path) -> dict[str, Any]:
     """Return the words of the text, and write its tables and figures."""
     run, ledger = cl.load_run(runs / "readings"), load()
     found = cl.readings(run)
-    found = found[~found["kind"].isin(TIMED)]
+    found = found[~found["kind"].isin(ELSEWHERE)]
     found[[*NUMBERS, *ledger.dimensions]].to_csv(out / "readings.csv", index=False, float_format="%.4g")
     counted = multiverse.shares(found)
     counted[list(MAP)].to_csv(out / "map.csv", index=False)
