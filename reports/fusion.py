@@ -48,7 +48,7 @@ def values(runs: Path, out: Path, data: Path) -> dict[str, Any]:
     flags = [f"{flag}, {ratio(anees)}" for flag, anees in zip(table["consistency"], table["anees"], strict=True)]
     return {
         "trials": table["trials"].max(),
-        "seed": read_run(stored).manifest["seed"],
+        "seed": read_run(Path(stored)).manifest["seed"],
         "flags": decentral.groupby("estimator", sort=False)["consistency"].agg(list).to_dict(),
         "frontiers": {name: frontier(rows).to_dict("records") for name, rows in table.groupby("scenario", sort=False)},
         "gone": sorted((before - after) & known),
