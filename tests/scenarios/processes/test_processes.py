@@ -82,6 +82,7 @@ def test_a_file_edited_while_a_run_goes_on_leaves_its_processes_alone_until_it_i
     (tmp_path / "of_mine.py").write_text("")
     monkeypatch.syspath_prepend(tmp_path)
     importlib.import_module("of_mine")
+    end(BUILTIN)  # processes that an earlier test left began before the file was imported
     working = submit(BUILTIN, 1, time.sleep, 1.0)
     os.utime(tmp_path / "of_mine.py", (0, 0))
     pid = submit(BUILTIN, 1, os.getpid).result().unpack()
