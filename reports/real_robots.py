@@ -68,7 +68,7 @@ def values(runs: Path, out: Path, data: Path) -> dict[str, Any]:
         **bags(data, folder),
         "uwb": by_scenario(runs / "uwb", "anees_median"),
         "mrclam": by_scenario(runs / "mrclam", "anees"),
-        "recordings": recordings(runs / "recordings"),
+        "recordings": recordings(runs.joinpath("recordings")),  # not made here: they are fetched,
     }
 
 
