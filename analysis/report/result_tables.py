@@ -1,7 +1,8 @@
 """A run's tables: results, who is best and over-confident, changes over a sweep, scenarios, events, failures.
 
-To add a column of results to the terminal, the page, LaTeX, Markdown, CSV and a paper's tables, add one entry to
-`RESULTS`: its head, the key of `compare`'s table that it shows (two keys for an interval), and how it is written.
+To add a column of results to the page, LaTeX, Markdown, CSV, a paper's tables and `--wide`, add one entry to `RESULTS`:
+its head, the key of `compare`'s table that it shows (two keys for an interval), and how it is written. A terminal shows
+the few of `essential_columns` by default.
 """
 
 from collections import Counter
@@ -137,7 +138,7 @@ def _bracketed(head: str, value: TableColumn, ends: TableColumn, **layout: Any) 
 
 
 def essential_columns(baselines: Iterable[str], until_decided: bool) -> tuple[TableColumn, ...]:
-    """Return the columns of 80 characters: who, how consistent, how large the error and its change, how many bytes."""
+    """Return what a terminal shows by default, in 80 characters: estimator, consistency, error, its change, bytes."""
     named = {column.keys[0]: column for column in result_columns(baselines, until_decided)}
     remarks, versus = named["consistency"], named["change"]
     others = tuple(key for key in remarks.of if key != "consistency")
