@@ -18,6 +18,7 @@ neighbouring poses.
 
 import hashlib
 import re
+import zipfile
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import NamedTuple
@@ -42,6 +43,7 @@ AXES = "world", "body"
 WITH_COVARIANCE = ("nav_msgs/msg/Odometry", "geometry_msgs/msg/PoseWithCovarianceStamped")
 OTHER_NAMES = {"time": "stamp", "timestamp": "stamp", "t": "stamp", "theta": "heading", "yaw": "heading"}
 TRIANGLE = np.triu_indices(3)
+LATEST = 1e10  # [s] stamps beyond are in another unit; those of today are below 2e9
 EQUAL = 1e-5  # [s] stamps of a pose and of its covariance differ by less
 MIRRORED = 0.3  # a path fits so much better once it is mirrored: its frame is
 BLOCKS = 10  # into which ticks are cut, to see in which axes covariances fit
@@ -87,6 +89,8 @@ def judge_trajectories(
     for name, value, known in (("align", align, ALIGNMENTS), ("axes", axes, AXES)):
         if value not in known:
             raise BadInput(f"there is no {name} {value!r}; {nearest(value, list(known))}")
+    if not estimates:
+        raise BadInput("there are no estimates to judge: name a folder or bag")
     true = read_team(Path(truth))
     teams = {name: read_team(Path(folder), true) for name, folder in estimates.items()}
     matched = {robot: _common(robot, true[robot], teams, largest_difference) for robot in true}
@@ -124,17 +128,25 @@ def read_team(place: Path, true: Team | None = None) -> Team:
     elif not place.is_dir():
         raise BadInput(f"there is no folder {place}; name the one that holds a file for each robot")
     else:
-        found = {name: _read_file(path) for name, path in _paths(place).items()}
+        found = {name: _read_file(path) for name, path in _paths(place).items() if not true or name in true}
         stored = place / "covariances.npz"
         found = _with_stored(stored, found) if stored.exists() else found
     for robot in [robot for robot in true or () if robot not in found]:
-        raise BadInput(f"{place}: robot {robot!r} has no trajectory; {nearest(robot, list(found))}")
-    return found
+        known = [*found, *(_paths(place) if place.is_dir() else ())]
+        raise BadInput(f"{place}: robot {robot!r} has no trajectory; {nearest(robot, known)}")
+    for robot, one in found.items():
+        if np.abs(one.stamp).max() > LATEST:
+            raise BadInput(f"{place}: stamps of robot {robot!r} reach {np.abs(one.stamp).max():.3g}: write seconds")
+    return {robot: Trajectory(*_by_time(*one)) for robot, one in found.items()}
 
 
 def _paths(folder: Path) -> dict[str, Path]:
     files = sorted(path for path in folder.iterdir() if path.suffix in (".txt", ".csv") and ".cov." not in path.name)
-    return {path.stem: path for path in files}
+    named = {path.stem: path for path in files}
+    for path in files:
+        if named[path.stem] != path:
+            raise BadInput(f"{path} and {named[path.stem].name} are of one robot: remove one of them")
+    return named
 
 
 def _read_file(path: Path) -> Trajectory:
@@ -150,14 +162,14 @@ def _read_file(path: Path) -> Trajectory:
     stamp, pose = table.values[:, 0], np.column_stack([table.values[:, 1:3], heading])
     P, beside = np.full((len(pose), 3, 3), np.nan), path.with_name(path.stem + COVARIANCE)
     if beside.exists():
-        width = len(beside.read_text("utf-8").partition("\n")[0].split())
+        width = len(beside.read_text("utf-8", "replace").rstrip().rpartition("\n")[2].split())
         names = COVARIANCES[3 if width == len(COVARIANCES[3]) else 2]
         triangle = read_table(beside, names)
         if len(triangle.values) != len(stamp) or (np.abs(triangle.values[:, 0] - stamp) > EQUAL).any():
             raise BadInput(f"{beside}: its stamps are not those of {path.name}: write one line for each pose")
         P = _from_triangle(pd.DataFrame(triangle.values, columns=list(names)))
         _require_positive(P, triangle)
-    return Trajectory(*_by_time(stamp, pose, P))
+    return Trajectory(stamp, pose, P)
 
 
 def _read_csv(path: Path) -> Trajectory:
@@ -170,22 +182,25 @@ def _read_csv(path: Path) -> Trajectory:
     table = table.rename(columns=lambda name: name.removeprefix("p") if re.fullmatch("p[xyh]{2}", name) else name)
     for name in ("stamp", "x", "y"):
         if name not in table:
-            raise BadInput(f"{path} has no column {name}; it has {', '.join(table.columns)}")
+            raise BadInput(f"{path} has no column {name}; it has {', '.join(table.columns)}, parted by commas")
+    if not table.columns.is_unique or table.empty:
+        fault = "it has no line" if table.empty else f"two columns are one: {', '.join(table.columns)}"
+        raise BadInput(f"{path}: {fault}; correct the file")
     values = table.apply(pd.to_numeric, errors="coerce")
     pose = values.reindex(columns=["x", "y", "heading"]).to_numpy(float)
     for row in np.flatnonzero(~np.isfinite(np.column_stack([values["stamp"], pose[:, :2]])).all(1)).tolist():
         raise BadInput(f"{path}, line {row + 2}: stamp, x or y is not a number; correct or remove the line")
     P = _from_triangle(values)
     _require_positive(P, TextTable(path, pose, np.arange(2, len(pose) + 2)))
-    return Trajectory(*_by_time(values["stamp"].to_numpy(float), pose, P))
+    return Trajectory(values["stamp"].to_numpy(float), pose, P)
 
 
 def _with_stored(path: Path, team: dict[str, Trajectory]) -> dict[str, Trajectory]:
     """Return trajectories with the covariances of an npz file."""
     try:
-        with np.load(path, allow_pickle=False) as stored:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
             arrays = {name: np.asarray(stored[name], float) for name in stored.files}
-    except (ValueError, OSError) as e:
+    except (ValueError, TypeError, OSError, zipfile.BadZipFile) as e:
         raise BadInput(f"{path}: cannot be read ({' '.join(str(e).split())[:100]}); write it with np.savez") from None
     found = {}
     for name, one in team.items():
@@ -207,14 +222,10 @@ def _read_bag(place: Path, robots: list[str]) -> dict[str, Trajectory]:
     """Read the poses with covariances of a bag's topics; a topic's robot is the name that is a part of its own."""
     rows: dict[str, list[tuple[float, ...]]] = {}
     for path in bag_paths(place):
-        with open_bag(path) as bag:
-            kinds = {topic: kind for topic, kind in bag.types.items() if kind in WITH_COVARIANCE}
-            for topic, received, raw in bag.messages(kinds):
-                message = bag.decode(raw, kinds[topic])
-                x, y, _, heading = KINDS[kinds[topic]].rows(message)[0][:4]
-                C = np.asarray(message.pose.covariance, float).reshape(6, 6)[np.ix_([0, 1, 5], [0, 1, 5])]
-                stamp = 1e-9 * (stamp_of(message) or received)
-                rows.setdefault(topic, []).append((stamp, x, y, heading, *C.ravel()))
+        try:
+            _collect_poses(path, rows)
+        except Exception as e:  # rosbags raises whatever its parsers raise on damaged files
+            raise BadInput(f"{path}: cannot be read as a bag ({' '.join(str(e).split())[:100]}); repair it") from None
     found: dict[str, Trajectory] = {}
     for topic, lines in rows.items():
         parts, table = topic.strip("/").split("/"), np.array(lines)
@@ -224,12 +235,24 @@ def _read_bag(place: Path, robots: list[str]) -> dict[str, Trajectory]:
         P = table[:, 4:].reshape(-1, 3, 3)
         P = np.where((P == 0).all((1, 2), keepdims=True), np.nan, P)  # ROS has zeros where it is not known
         _require_positive(P, TextTable(place, table, np.arange(len(table))), f"{topic}, message")
-        found[name] = Trajectory(*_by_time(table[:, 0], table[:, 1:4], P))
+        found[name] = Trajectory(table[:, 0], table[:, 1:4], P)
     if not found:
         raise BadInput(
             f"{place} holds no NAME.txt or NAME.csv, nor a bag with topics of {' or '.join(WITH_COVARIANCE)}"
         )
     return found
+
+
+def _collect_poses(path: Path, rows: dict[str, list[tuple[float, ...]]]) -> None:
+    """Add the stamp, pose and covariance of every message of one bag to the rows of its topic."""
+    with open_bag(path) as bag:
+        kinds = {topic: kind for topic, kind in bag.types.items() if kind in WITH_COVARIANCE}
+        for topic, received, raw in bag.messages(kinds):
+            message = bag.decode(raw, kinds[topic])
+            x, y, _, heading = KINDS[kinds[topic]].rows(message)[0][:4]
+            C = np.asarray(message.pose.covariance, float).reshape(6, 6)[np.ix_([0, 1, 5], [0, 1, 5])]
+            stamp = 1e-9 * (stamp_of(message) or received)
+            rows.setdefault(topic, []).append((stamp, x, y, heading, *C.ravel()))
 
 
 def _from_triangle(values: pd.DataFrame) -> Array:
@@ -322,6 +345,14 @@ def _align(
                 f"{name}: robot {robot!r} errs by {plain:.3g} m, and by {residual:.3g} m once aligned: if it is in "
                 "another frame, --align se2"
             )
+        if align == "origin" and not np.isfinite(true[0, 2] - one.x[0, 2]):
+            raise BadInput(
+                f"{name}: robot {robot!r} has no heading in its first pose, or the truth: choose --align se2"
+            )
+        if axes == "body" and np.isfinite(one.P[:, :2, :2]).any() and not np.isfinite(one.x[:, 2]).all():
+            raise BadInput(
+                f"{name}: robot {robot!r} has no heading for axes of its body: add it, or choose --axes world"
+            )
         if axes == "body":
             one = one._replace(P=turn_covariances(one.P, one.x[:, 2]))
         else:
@@ -399,6 +430,8 @@ def _rows(
 ) -> pd.DataFrame:
     """Return the rows of `errors` of every method, robot and piece, with RPE and the heading's error."""
     short = min(len(path) for path in paths.values())
+    if short < 2:
+        raise BadInput("a robot has 1 pose to judge, less than 2: see that the stamps are of one clock, in seconds")
     if not 1 <= pieces <= short // 2:
         raise BadInput(
             f"pieces is {pieces}; it must lie between 1 and {short // 2}, as a robot has {short} poses to judge"
@@ -431,6 +464,8 @@ def _rows(
     rows = errors(truth, Run(label, 0, trial, hashes, traces)).assign(certificate=ELSEWHERE)
     apart = []
     for name in traces:
+        if not all(np.isfinite(teams[name][robot].P).all() for robot in paths):  # without covariances of the heading
+            rows.loc[rows["estimator"] == name, "pose_nees"] = np.nan
         for k in range(pieces):
             for r, robot in enumerate(paths):
                 a, b = (np.array_split(one, pieces)[k] for one in (teams[name][robot].x, paths[robot]))
@@ -447,11 +482,12 @@ def _every(paths: Iterable[Array], teams: Mapping[str, Mapping[str, Trajectory]]
 
 def _without_gaps(name: str, P: Array, valid: Mask) -> Array:
     """Return covariances if every pose has one or none has; refuse those that are left out in part."""
-    known: Mask = np.asarray(np.isfinite(P).all((3, 4)))
-    if known[valid].any() and not known[valid].all():
-        raise BadInput(
-            f"{name}: {(~known[valid]).sum()} of {valid.sum()} poses have no covariance: add them, or remove all"
-        )
+    for d in (2, 3):
+        known: Mask = np.asarray(np.isfinite(P[..., :d, :d]).all((3, 4)))
+        if known[valid].any() and not known[valid].all():
+            raise BadInput(
+                f"{name}: {(~known[valid]).sum()} of {valid.sum()} poses have no covariance: add them, or remove all"
+            )
     return P
 
 

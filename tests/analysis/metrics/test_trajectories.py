@@ -212,6 +212,7 @@ def test_what_cannot_be_judged_is_one_line(honest, tmp_path, change, said):
 
 
 def test_a_robot_without_a_file_and_unknown_words_are_one_line(team, tmp_path):
+    (tmp_path / "NOTES.txt").write_text("It rained.\n")  # of no robot
     (tmp_path / "read.txt").write_text((team / "mine/red.txt").read_text())
     (tmp_path / "blue.txt").write_text((team / "mine/blue.txt").read_text())
     with pytest.raises(cl.BadInput, match=r"robot 'red' has no trajectory; did you mean 'read'"):
@@ -232,3 +233,41 @@ def test_the_command_ranks_methods_and_says_what_is_odd(team, tmp_path):
     assert "another frame" in inside("judge", "--truth", team / "truth", *named).stdout.replace("\n", " ")
     refused = inside("judge", "--tum", team / "mine")
     assert "name a stream or scenario, or --truth DIR" in refused.stderr
+
+
+def test_stored_covariances_follow_poses_in_any_order_and_headings_may_lack_them(honest, tmp_path):
+    t, true, x, _, P = honest
+    (tmp_path / "truth").mkdir()
+    write_tum(tmp_path / "truth/red.txt", t, true)
+    P, back = P * np.linspace(1, 9, len(t))[:, None, None], slice(None, None, -1)
+    forth = written(tmp_path / "forth", t, x, P, "npz")
+    turned = written(tmp_path / "turned", t[back], x[back], P[back], "npz")
+    np.savez(turned / "covariances.npz", red=P[back, :2, :2])
+    rows, _ = judge_trajectories(tmp_path / "truth", {"forth": forth, "turned": turned})
+    assert rows["anees"].iloc[1] == pytest.approx(rows["anees"].iloc[0])
+    assert rows["pose_nees"].isna().tolist() == [False, True]
+
+
+@pytest.mark.parametrize(
+    ("file", "text", "how", "said"),
+    [
+        ("red.csv", "stamp,x,y\n0,0,0\n1,1,0\n", {"align": "origin"}, "has no heading in its first pose"),
+        ("red.csv", "stamp,x,y,xx,xy,yy\n0,0,0,1,0,1\n1,1,0,1,0,1\n", {"axes": "body"}, "no heading for axes"),
+        ("red.csv", "stamp,x,y\n0,0,0\n1000000000000,1,0\n", {}, "write seconds"),
+        ("red.csv", "stamp,x,y\n", {}, "it has no line"),
+        ("red.csv", "stamp,time,x,y\n0,0,0,0\n", {}, "two columns are one: stamp, stamp, x, y"),
+        ("red.csv", "stamp,x,y\n0,0,0\n", {}, "a robot has 1 pose to judge"),
+        ("covariances.npz", "PK\x03\x04", {}, "covariances.npz: cannot be read"),
+        ("red.bag", "no bag", {}, "red.bag: cannot be read as a bag"),
+    ],
+)
+def test_files_that_lack_what_is_asked_are_one_line(honest, tmp_path, file, text, how, said):
+    t, true, *_ = honest
+    for folder in ("truth", "mine"):
+        (tmp_path / folder).mkdir()
+        write_tum(tmp_path / folder / "red.txt", t, true)
+    if file in ("red.csv", "red.bag"):
+        (tmp_path / "mine/red.txt").unlink()
+    (tmp_path / "mine" / file).write_text(text)
+    with pytest.raises(cl.BadInput, match=said):
+        judge_trajectories(tmp_path / "truth", {"mine": tmp_path / "mine"}, **how)
