@@ -95,7 +95,7 @@ def judge_trajectories(
     teams = {name: read_team(Path(folder), true) for name, folder in estimates.items()}
     matched = {robot: _common(robot, true[robot], teams, largest_difference) for robot in true}
     paths = {robot: true[robot].x[index] for robot, (index, _) in matched.items()}
-    remarks: list[str] = []
+    remarks = _shared_remarks(true, teams, paths, largest_difference)
     chosen: dict[str, dict[str, Trajectory]] = {}
     for name, team in teams.items():
         rows = {robot: matched[robot][1][name] for robot in true}
@@ -307,6 +307,16 @@ def _common(
     if not common:
         raise BadInput(f"robot {robot!r}: no true pose is met by all of {', '.join(pairs)}: judge them one by one")
     return np.array(common), {name: np.array([one[k] for k in common]) for name, one in first.items()}
+
+
+def _shared_remarks(true: Team, teams: Mapping[str, Team], paths: Mapping[str, Array], largest: float) -> list[str]:
+    """Return a remark on each robot of which a method lacks a tenth of the poses, as others are not judged there."""
+    remarks = []
+    for robot, path in paths.items():
+        met = max(len(match_stamps(true[robot].stamp, team[robot].stamp, largest)[0]) for team in teams.values())
+        if len(path) < 0.9 * met:
+            remarks.append(f"robot {robot!r}: {len(path)} of {met} poses are judged; not every method has the others")
+    return remarks
 
 
 def match_stamps(a: Array, b: Array, largest: float) -> tuple[Indices, Indices]:
