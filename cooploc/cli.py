@@ -203,7 +203,8 @@ def judge(
 
     `--tum mine=DIR --tum theirs=DIR2` ranks several. Formats: docs/how-to/judge.md.
     """
-    named = {name or Path(path).name: path for name, _, path in (one.rpartition("=") for one in tum)}
+    parted = [("", "", one) if Path(one).exists() or "=" not in one else one.partition("=") for one in tum]
+    named = {name or Path(path).name: path for name, _, path in parted}  # a folder's own name may hold "="
     if bool(stream) == bool(truth):
         raise cl.BadInput("name a stream or scenario, or --truth DIR: one of them")
     if len(named) < len(tum):
@@ -215,7 +216,7 @@ def judge(
         return
     from cooploc.analysis.metrics.external import evaluate_external
 
-    given = named if "=" in "".join(tum) or len(tum) > 1 else tum[0]
+    given = named if parted[0][0] or len(tum) > 1 else tum[0]
     rows, table = evaluate_external(stream, given, estimators, offline, trials=trials, seed=seed, data=data)
     terminal.tables.table(table, rows, as_json, wide, legend)
 

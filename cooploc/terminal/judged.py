@@ -9,6 +9,7 @@ import pandas as pd
 from cooploc.analysis.metrics.compare import compare
 from cooploc.analysis.metrics.trajectories import drift_and_heading, judge_trajectories
 from cooploc.analysis.report.tables import csv_text
+from cooploc.estimators.errors import BadInput
 from cooploc.terminal import tables
 from cooploc.terminal.console import wide
 
@@ -43,7 +44,10 @@ def show_trajectories(
     for remark in remarks:
         console.print(f"note: {remark}")
     if out:
-        out.mkdir(parents=True, exist_ok=True)
+        try:
+            out.mkdir(parents=True, exist_ok=True)
+        except OSError as e:
+            raise BadInput(f"{out}: cannot be made ({e.strerror}); name another folder with --out") from None
         tables.keep_tables(table, rows, out)
         (out / "robots.csv").write_text(csv_text(robots), encoding="utf-8")
         console.print(f"tables and figure: {out}")

@@ -1,5 +1,7 @@
 """Trajectories in files: the numbers of evo, covariances in every form and in their axes, faults in one line."""
 
+import shutil
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -232,6 +234,11 @@ def test_the_command_ranks_methods_and_says_what_is_odd(team, tmp_path):
     assert pd.read_csv(tmp_path / "out/robots.csv")["robot"].tolist() == ["blue", "red"] * 2
     assert (tmp_path / "out/rmse.png").exists()
     assert "another frame" in inside("judge", "--truth", team / "truth", *named).stdout.replace("\n", " ")
+    equals = tmp_path / "ekf-local[gate=3]"
+    shutil.copytree(team / "mine", equals)
+    assert "ekf-local" in inside("judge", "--truth", team / "truth", "--tum", equals, "--align", "se2").stdout
+    taken = inside("judge", "--truth", team / "truth", *named, "--out", team / "mine/red.txt")
+    assert (taken.returncode, len(taken.stderr.strip().splitlines())) == (2, 1)
     refused = inside("judge", "--tum", team / "mine")
     assert "name a stream or scenario, or --truth DIR" in refused.stderr
 
