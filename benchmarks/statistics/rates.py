@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from joblib import Parallel, delayed
+from loky import get_reusable_executor
 from scipy import stats
 
 from cooploc.analysis.claims.kinds import FALLS, KINDS, Claim, cases, decide
@@ -96,7 +96,7 @@ def rates(name: str, measure: Callable[[np.random.Generator, Draw, int], float])
     """One rate per world and number of trials, over two processes."""
     cells = [(f"{name} {world} {n}", draw, n) for world, draw in WORLDS.items() for n in TRIALS]
     generators = [np.random.default_rng(zlib.crc32(text.encode())) for text, _, _ in cells]
-    return Parallel(n_jobs=2)(delayed(measure)(rng, *cell[1:]) for rng, cell in zip(generators, cells, strict=True))
+    return list(get_reusable_executor(2).map(lambda rng, cell: measure(rng, *cell[1:]), generators, cells))
 
 
 def covered(intervals: list[statistics.Interval], truth: float) -> float:
