@@ -60,4 +60,4 @@ def draw_map(path: Path) -> None:
     cases = zip(table["claim"], table["definition"], strict=True)
     sizes = [size_as_change(claims[one].size, definition) for one, definition in cases]
     says, kind = ([getattr(claims[one], name) for one in table["claim"]] for name in ("says", "kind"))
-    style.save(cl.plot.readings(table.assign(says=says, kind=kind, size=sizes)), path)
+    style.save(cl.plot.readings(table.assign(says=says, kind=kind, size=sizes), columns=3), path)

@@ -86,22 +86,28 @@ WIDTH, LETTERS = 4.2, 52  # of the figure [in], and of a line of text
 MOST = 1.5  # changes beyond are drawn at the edge
 
 
-def readings(found: pd.DataFrame, ax: Axes | None = None) -> Axes:
+def readings(found: pd.DataFrame, ax: Axes | None = None, columns: int = 1) -> Axes:
     """Draw the claims of `cl.readings` that name a size: the claimed one, every specification's, how many support it.
 
-    Changes of the error, in per cent; below them, where levels are claimed too, the RMSE in m in axes of their own. On
-    `ax` only the changes are drawn. Pale: readings in which the baseline is worse than dead reckoning.
+    Changes of the error, in per cent; below them, where levels are claimed too, the RMSE in m in axes of their own; or
+    side by side in so many `columns`, the levels in the last one. On `ax` only the changes are drawn. Pale: readings in
+    which the baseline is worse than dead reckoning.
     """
     sized = found[found["size"].notna() & found["value"].notna()]
     changes, levels = sized[sized["kind"].isin(RELATIVE)], sized[sized["kind"] == "level"]
-    parts = [part for part in ((changes,) if ax else (changes, levels)) if len(part)]
+    pieces = np.array_split(changes["claim"].unique(), max(columns - 1, 1))
+    parts = [changes[changes["claim"].isin(piece)] for piece in pieces] + [levels] * (ax is None)
+    parts = [part for part in parts if len(part)]
     if not parts:
         raise BadInput("no claim that names a size was run: see the columns `size` and `value` of cl.readings")
     named = [part.drop_duplicates("claim")[["claim", "says"]].to_numpy() for part in parts]
     heights = [sum(LINE * len(_wrap(*one)) + STRIP + 0.65 for one in ones) for ones in named]
-    size = WIDTH, 0.5 * sum(heights) + 0.55 * len(heights) + 0.6
-    grid: Any = {"height_ratios": heights, "squeeze": False, "layout": "constrained"}
-    axes = [ax] if ax else list(plt.subplots(len(parts), figsize=size, **grid)[1][:, 0])
+    if columns == 1:
+        shape, size = (len(parts), 1), (WIDTH, 0.5 * sum(heights) + 0.55 * len(heights) + 0.6)
+    else:
+        shape, size = (1, len(parts)), (0.8 * WIDTH * len(parts), 0.44 * max(heights) + 0.95)
+    grid: Any = {"height_ratios": heights if columns == 1 else None, "squeeze": False, "layout": "constrained"}
+    axes = [ax] if ax else list(plt.subplots(*shape, figsize=size, **grid)[1].flat)
     for each, part in zip(axes, parts, strict=True):
         _draw_map(each, part, part is levels)
     last = axes[-1]
@@ -113,7 +119,7 @@ def readings(found: pd.DataFrame, ax: Axes | None = None) -> Axes:
     last.plot([], [], marker="|", color=CLAIMED, ls="", ms=10, mew=3, label="claimed")
     for marker, _, name in NAMED.values():
         last.plot([], [], marker, mec="0.4", mfc="0.4", ms=5, label=name)
-    style.add_legend_below([last], fontsize=7.5, handletextpad=0.3)
+    style.add_legend_below([last], 3 if columns == 1 else 9, fontsize=7.5, handletextpad=0.3)
     return axes[0]
 
 
