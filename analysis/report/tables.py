@@ -70,7 +70,8 @@ def interval_column(head: str, name: str, form: Format) -> TableColumn:
     """Return a column of values with their intervals, of the keys NAME, NAME_low and NAME_high."""
 
     def write(value: float, low: float, high: float) -> str:
-        return f"{form(value)} ({interval(form)(low, high)})" if value == value else ""
+        ends = f" ({interval(form)(low, high)})" if low == low and high == high else ""
+        return form(value) + ends
 
     return number_column(head, name, f"{name}_low", f"{name}_high", form=write)
 
