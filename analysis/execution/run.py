@@ -30,9 +30,6 @@ CHUNK_TRIALS = 10, 50  # at least, unless the bytes forbid it, and at most
 class RunProgress(Protocol):
     """Methods that are called as a run goes on."""
 
-    def compiling(self) -> None:
-        """Kernels are compiled, once on this machine, before the trials begin."""
-
     def begin(self, trials: int, found: int) -> None:
         """The run has so many (estimator, trial) pairs in all, and so many of them on disk."""
 
@@ -45,8 +42,6 @@ class RunProgress(Protocol):
 
 class Silent(RunProgress):
     """A progress that shows nothing."""
-
-    def compiling(self) -> None: ...
 
     def begin(self, trials: int, found: int) -> None: ...
 
@@ -113,7 +108,7 @@ def execute(
 
     """
     watcher, directory, wanted = progress or Silent(), RunDir(out), trials_of_cells(study)
-    with make_workers(jobs, scheduler, isolate, watcher.compiling) as compute, directory.lock():
+    with make_workers(jobs, scheduler, isolate) as compute, directory.lock():
         directory.open(make_manifest(study, isolate))
         manifest = directory.manifest
         for line in [f"{label}, {line}" for label, lines in manifest["recordings"].items() for line in lines]:

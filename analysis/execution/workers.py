@@ -7,18 +7,15 @@ failure like any other.
 """
 
 import asyncio
-import hashlib
-import json
 import logging
 import multiprocessing
-import os
 import re
 import threading
 import traceback
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Future, wait
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 from importlib import import_module
@@ -34,9 +31,7 @@ from cooploc.analysis.execution.run_directory import PartKey
 from cooploc.analysis.metrics.errors import COLUMNS, errors
 from cooploc.estimators import configure, make
 from cooploc.estimators.building import ConfiguredEstimator
-from cooploc.estimators.compiled import cache_directory
 from cooploc.estimators.errors import BadInput, one_line
-from cooploc.estimators.kalman_kernels import whiten
 from cooploc.scenarios import BUILTIN as BUILTIN_SCENARIOS
 from cooploc.scenarios import resolve
 from cooploc.scenarios.process import (
@@ -213,9 +208,7 @@ class Processes(NamedTuple):
 
 
 @contextmanager
-def make_workers(
-    jobs: int, scheduler: str | None, isolate: bool, compiling: Callable[[], None] = lambda: None
-) -> Iterator[Compute]:
+def make_workers(jobs: int, scheduler: str | None, isolate: bool) -> Iterator[Compute]:
     """Yield a function that computes tasks: here, in processes of this machine, or on a Dask cluster."""
     if not 1 <= jobs <= MOST_JOBS:
         raise BadInput(f"jobs is {jobs}; it must be at least 1, and at most {MOST_JOBS}")
@@ -225,8 +218,6 @@ def make_workers(
 
     def compute_here(tasks: list[Task]) -> Iterator[MeasuredPart]:
         end_if_edited(BUILTIN)  # between two runs of one Python process; not in a run, whose code is of its beginning
-        if isolate:
-            compile_kernels(tasks, jobs, compiling)
         yield from compute_in_parallel(_local_processes(jobs), tasks) if jobs > 1 else chain(*map(measure, tasks))
 
     try:
@@ -355,46 +346,3 @@ def _connect(address: str) -> Iterator[Any]:
         yield client
     finally:
         client.close(timeout=1)
-
-
-# Kernels, compiled before the trials begin, in processes side by side. A mark on disk, beside the kernels, says what
-# this version has compiled already.
-
-
-def compile_kernels(tasks: Iterable[Task], jobs: int, begin: Callable[[], None]) -> None:
-    """Compile what built-in estimators need in these tasks and was not yet compiled; `begin` is called if any does."""
-    cold: dict[Path, list[Task]] = {}  # of each kind of estimator a task of the smallest team and one of the largest
-    for task in sorted(tasks, key=lambda one: one.scenario.robots):
-        if task.scenario.name in BUILTIN_SCENARIOS and not task.scenario.is_recording:
-            for one in task.estimators:
-                if one.builtin and not (mark := _mark(one)).exists():
-                    cold[mark] = [*cold.get(mark, [])[:1], replace(task, trials=task.trials[:1], estimators=(one,))]
-    if not cold:
-        return
-    begin()
-    processes, tried = min(max(jobs, 2), os.cpu_count() or 1, len(cold)), list(chain(*cold.values()))
-    size = -(-len(tried) // processes)  # neighbours in a study share kernels, so each process takes a piece
-    pieces = [tried[i : i + size] for i in range(0, len(tried), size)]
-    with suppress(BrokenExecutor):  # what broke it is met again, and said, in the run
-        for future in [submit(BUILTIN, processes, _compile_all, piece) for piece in pieces]:
-            future.result()
-    if processes != jobs:
-        end(BUILTIN)
-    for mark in cold:
-        with suppress(OSError):
-            mark.parent.mkdir(parents=True, exist_ok=True)
-            mark.touch()
-
-
-def _compile_all(cold: list[Task]) -> None:
-    """Run two ticks of every task's estimator."""
-    for task in cold:
-        (estimator,) = task.estimators
-        warm_up(estimator.label, make(estimator), task.scenario.simulate(task.trials, task.seed)[1])
-
-
-def _mark(one: ConfiguredEstimator) -> Path:
-    """Return the file that says that a kind of estimator is compiled: the same for all values of a number."""
-    words = {name: value for name, value in one.parameters.items() if not re.fullmatch(r"[-+.\deE]+|inf", value)}
-    kind = json.dumps([one.name, words, bits()], sort_keys=True)
-    return cache_directory(whiten) / f"{hashlib.sha256(kind.encode()).hexdigest()[:24]}.compiled"

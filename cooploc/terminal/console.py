@@ -65,10 +65,6 @@ class TerminalProgress:
     def __exit__(self, *_: object) -> None:
         self._bar.stop()
 
-    def compiling(self) -> None:
-        """Say that the wait is for kernels, and that it is not for every run."""
-        self._bar.update(self._task, description="compiling, once")
-
     def begin(self, trials: int, found: int) -> None:
         """Start: (estimator, trial) pairs in all, and those found on disk already."""
         if found and not self.total:  # not at every look of a run until decided

@@ -358,7 +358,9 @@ def show_tuning(
 def show_checks(report: Report) -> None:
     """Print the results, how many of the checks passed, failed and were skipped, and what to do next."""
     console, go_on = wide(), f"cooploc run quick --estimators mrsl-rssi,{report.name}"
-    console.print(report.table(console.width))
+    found = [{"check": r.check, "result": r.status, "what was found": str(r)} for r in report.results]
+    console.print(frame("checks", pd.DataFrame(found)).terminal())
+    console.print(report.summary())
     console.print(f"next: {go_on if report.passed else 'correct what failed, and check again'}")
 
 

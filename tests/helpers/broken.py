@@ -148,19 +148,6 @@ class UsesDroppedPackets(Broadcasts):
         return nudge(s, 1e-3 * mail.heard.any(-1, keepdims=True) * team_sums(s))
 
 
-class UsesDroppedRadio(EkfJoint):
-    """A bound that takes the radio readings that the runner hid."""
-
-    def exchange(self, s, z, air):
-        s, traffic = super().exchange(s, z, air)
-        readings = caller_attribute("stream").air.rssi
-        return (nudge(s, 1e-3 * np.nansum(readings)) if readings.shape[-1] else s), traffic
-
-    @property
-    def uses(self):
-        return ("odometry", "anchor_rssi|landmark", "sighting|radio_rssi")
-
-
 class MultipliesRows(Mrsl):
     """A matrix product over the rows, whose last bit depends on how many there are."""
 
@@ -261,20 +248,6 @@ class NegativeVariance(DeadReckoning):
     def estimate(self, s):
         x, P = super().estimate(s)
         return Belief(x, P - 10 * np.eye(x.shape[-1]))
-
-
-@dataclass(frozen=True)
-class NegativeHeading(EkfLocal):
-    """Correlates its heading more than the variances allow, which shows only without a compass."""
-
-    uses: tuple[str, ...] = ("odometry", "anchor_rssi")
-
-    def estimate(self, s):
-        x, P = super().estimate(s)
-        P = P.copy()
-        P[:, 0, 2:] += 10.0
-        P[:, 2:, 0] += 10.0
-        return Belief(x, P)
 
 
 class IgnoresOdometry(DeadReckoning):

@@ -36,28 +36,30 @@ GALLERY = [
     (broken.DeadReckoning, "runs", "is the class DeadReckoning, not an instance"),
     (None, "runs", "interface None"),
     (broken.WritesReadings(), "runs", r"predict\(\) raised at tick 0.*read-only"),
-    (broken.GlobalRng(), "determinism", "it draws from numpy.random, and does not repeat.*changed by up to .* it ran"),
-    (broken.ContinuesLastRun(), "determinism", "it draws from neither random nor numpy.random, and"),
+    (broken.GlobalRng(), "determinism", "changed by up to .* it ran a second time"),
+    (broken.ContinuesLastRun(), "determinism", "when it ran a second time"),
     (broken.NotPicklable(scale=(v for v in ())), "determinism", "cannot be pickled.*cannot pickle 'generator'"),
     (broken.ForgetsParameter(drift=0.1), "determinism", "when it ran after a round trip through pickle"),
     (broken.KnowsTheLabel(), "truth-blindness", "when the stream had another label"),
-    (broken.Prophet(), "causality", "readings and links after tick 3 were perturbed"),
+    (broken.Prophet(), "causality", "readings after tick 3 were perturbed"),
     (broken.KnowsLength(), "causality", "the stream ended after tick 3"),
-    (broken.ForeseesAbsence(), "causality", "readings and links after tick 3 were hidden"),
+    (broken.ForeseesAbsence(), "causality", "readings after tick 3 were hidden"),
     (broken.UsesDroppedPackets(), "link-honesty", "from tick 4 on while all its packets were dropped"),
-    (broken.UsesDroppedRadio(), "link-honesty", "radio readings of dropped packets were perturbed"),
-    (broken.SendsLittleReadsMore(), "link-honesty", "robot 1's estimate changed .* when robot 0's.*the mail stayed"),
+    (
+        broken.SendsLittleReadsMore(),
+        "non-interference",
+        "robot 1's estimate changed .*the mail stayed",
+    ),
     (broken.ReadsNeighbour(), "non-interference", "robot 1's estimate changed by up to .* when robot 0's readings"),
     (broken.WaitsForAll(), "non-interference", "robot 0's readings were hidden"),
     (broken.SendsOthers(), "non-interference", "robot 1's packet changed .* when robot 0's"),
     (broken.DrawsByPosition(), "non-interference", r"trials \[1\] ran instead of all 3"),
     (broken.MultipliesRows(), "non-interference", "ran instead of all 3"),
-    (broken.InPlace(), "immutability", r"state.x was changed by correct\(\) at tick 0"),
-    (broken.CountsCalls(), "immutability", r"its parameters.calls was changed by running"),
+    (broken.InPlace(), "immutability", r"state was changed by correct\(\) at tick 0"),
+    (broken.CountsCalls(), "immutability", "its parameters were changed by running"),
     (broken.TrustsOdometry(), "nan-safety", r"not finite .*\(single readings of odometry were absent\)"),
     (broken.Asymmetric(), "covariance", "covariance is not symmetric in .*robot 0"),
     (broken.NegativeVariance(), "covariance", "covariance has a negative variance in .*robot 0"),
-    (broken.NegativeHeading(), "covariance", "covariance has a negative variance in 'no-compass"),
     (broken.IgnoresOdometry(), "silence", "away from where odometry leads, by .* m that are allowed, when nothing"),
     (broken.ShrinksCovariance(), "silence", "robot 0's position variance shrank when nothing"),
     (broken.DeclaresTooMuch(), "declaration", "declares anchor_rssi, landmark, but that never changed"),
@@ -114,8 +116,8 @@ def test_built_in_estimators_pass(name, seed):
     assert report.passed, report.table()
     if name == "ekf-joint":
         assert "of other robots it knows all, as it is centralised" in report["non-interference"].detail
-        assert "it needs no packets" in report["link-honesty"].detail
     exempt = ["equivariance"] * (name in RANDOM) + ["silence", "nan-safety"] * (name == "constant")
+    exempt += ["link-honesty"] * (name in ("ekf-joint", "iekf-joint", "ukf-joint"))
     assert_ran(report, [check for check in NAMES if check not in exempt])
 
 
@@ -178,5 +180,5 @@ def test_the_sign_of_a_zero_is_a_difference():
     P[0, 1, 0, 0, 1] *= -1
     b = a._replace(trace=dataclasses.replace(a.trace, P=P))
     require_equal(a, a, "nothing happened")
-    with pytest.raises(CheckFailed, match=r"robot 0's estimate changed by 0.0e.00, which is rounding, .*tick 1"):
+    with pytest.raises(CheckFailed, match=r"robot 0's estimate changed by up to 0, which is rounding, .*tick 1"):
         require_equal(a, b, "this")

@@ -35,15 +35,6 @@ def test_only_the_readings_of_that_robot_and_time_are_perturbed(stream, mode, si
             np.testing.assert_array_equal(where[:, since:, 1], there[:, since:, 1])
 
 
-@pytest.mark.parametrize("mode", conformance.MODES)
-def test_radio_readings_are_perturbed_only_where_no_packet_came(mode):
-    _, stream = simulate("packet-drop", ticks=8)
-    other = conformance.perturb_dropped_radio(stream, mode, np.random.default_rng(0))
-    for name in ("rssi", "range"):
-        a, b = getattr(stream.air, name), getattr(other.air, name)
-        np.testing.assert_array_equal((a != b) & ~np.isnan(a), ~stream.air.link & ~np.isnan(a))
-
-
 def test_the_small_streams_hold_every_case():
     """Present and absent readings, ticks with all and with none, packets that came and that did not."""
     for stream in conformance.Harness("any", make("dead-reckoning"), seed=0).streams:
