@@ -52,10 +52,10 @@ def _explain(e: BaseException) -> str | None:
 
 
 def _say(message: str) -> None:
-    from cooploc.terminal.console import wide
+    from cooploc.terminal.console import make_console
 
     with contextlib.suppress(OSError):
-        wide(stderr=True).print("cooploc:", " ".join(message.split()))
+        make_console(stderr=True).print("cooploc:", " ".join(message.split()))
         sys.stderr.flush()
 
 

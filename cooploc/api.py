@@ -180,12 +180,9 @@ def run_study(
         ready = prepare(asked, Path(data) if data else None, isolate=isolate, strict=strict, say=progress.say)
         rows = begin(ready, folder, progress=progress, **how)
     decisions = None if max_trials is None else read_run(folder).comparisons
-    results = Results(folder, rows, _compare(rows, asked.baselines(), decisions), decisions)
+    results = Results(folder, rows, _compare_with_baselines(rows, asked.baselines(), decisions), decisions)
     tables.keep_tables(results.table, rows, folder)
     return results
-
-
-CLAIMED = ["claim", "variant", "scenario", "of", "than", "verdict", "look"]  # what a run keeps of a judged claim
 
 
 CLAIMED = ["claim", "variant", "scenario", "of", "than", "verdict", "look"]  # what a run keeps of a judged claim
@@ -216,7 +213,7 @@ def _read_study(study: Any, trials: Any, seed: Any, estimators: Any, out: Any, s
     return asked, Path(out or f"runs/{asked.folder_name}-seed{asked.seed}{suffix}")
 
 
-def _compare(rows: pd.DataFrame, baselines: Any, decisions: pd.DataFrame | None) -> pd.DataFrame:
+def _compare_with_baselines(rows: pd.DataFrame, baselines: Any, decisions: pd.DataFrame | None) -> pd.DataFrame:
     """Return the table of `cl.compare`, with the decisions of a run until decided."""
     table = compare(rows, baselines, full=True)
     return table if decisions is None else add_decisions(table, decisions)
@@ -372,7 +369,7 @@ def _draw_tuning(folder: Path, history: pd.DataFrame) -> None:
 def load_run(folder: AnyRun) -> Results:
     """Load everything that a run directory holds."""
     stored = read_run(Path(folder))
-    table = _compare(stored.rows, stored.baselines, stored.comparisons)
+    table = _compare_with_baselines(stored.rows, stored.baselines, stored.comparisons)
     return Results(stored.folder, stored.rows, table, stored.comparisons)
 
 

@@ -218,7 +218,7 @@ def judge(
 
     given = named if parted[0][0] or len(tum) > 1 else tum[0]
     rows, table = evaluate_external(stream, given, estimators, offline, trials=trials, seed=seed, data=data)
-    terminal.tables.table(table, rows, as_json, wide, legend)
+    terminal.tables.show_table(table, rows, as_json, wide, legend)
 
 
 @app.command()

@@ -16,7 +16,6 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 import cloudpickle
-import joblib  # type: ignore[import-untyped]
 import numpy as np
 
 from cooploc.estimators import is_builtin, make
@@ -544,18 +543,18 @@ def immutability(harness: Harness) -> str:
         named = dict(zip((*inputs, "senses", "mail"), arguments, strict=False))
         if harness.traits.mutable:
             named.pop("state", None)
-        before = {name: joblib.hash(one) for name, one in named.items()}
+        before = {name: cloudpickle.dumps(one) for name, one in named.items()}
         result = call(*arguments)
         for name, one in named.items():
-            if joblib.hash(one) != before[name]:
+            if cloudpickle.dumps(one) != before[name]:
                 raise CheckFailed(f"{name} was changed by {method}() at tick {tick} of {label!r}")
         return result
 
-    parameters = joblib.hash(harness.estimator)
+    parameters = cloudpickle.dumps(harness.estimator)
     for stream, base in harness.cases:
         label, when = stream.scenario, "it ran a second time"
         require_equal(base, harness.run(stream, when, watch=compare), when)
-    if joblib.hash(harness.estimator) != parameters:
+    if cloudpickle.dumps(harness.estimator) != parameters:
         raise CheckFailed("its parameters were changed by running")
     exempt = "; its state is exempt, as it declares mutable = True" if harness.traits.mutable else ""
     return f"inputs, states and parameters were compared before and after each call: no change{exempt}"

@@ -20,7 +20,7 @@ from cooploc.analysis.execution.run_directory import (
     read_run,
     write_json,
 )
-from cooploc.analysis.execution.workers import Task, measure
+from cooploc.analysis.execution.workers import Task, compute_task
 from cooploc.estimators import configure, make
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.plugin_files import is_file
@@ -87,8 +87,8 @@ def rerun(embedded: dict[str, Any], trials: int, data: Path | None = None, trust
     for (scenario, trial), wanted in drawn.items():
         names = tuple(configure(one["estimator"]) for one in wanted)
         task = Task(resolve(scenario, data), range(trial, trial + 1), seed, names, limit, isolate=False)
-        parts = {part.key.estimator: part.frame for part in measure(task)}
-        out += [_compare(one, parts[one["estimator"]]) for one in wanted]
+        parts = {part.key.estimator: part.frame for part in compute_task(task)}
+        out += [_compare_trial(one, parts[one["estimator"]]) for one in wanted]
     return pd.DataFrame(out)
 
 
@@ -152,7 +152,7 @@ def _draw(embedded: list[dict[str, Any]], trials: int) -> dict[tuple[str, int], 
     return {key: groups[key] for key in sorted(groups, key=order)[:trials]}
 
 
-def _compare(one: dict[str, Any], frame: pd.DataFrame) -> dict[str, Any]:
+def _compare_trial(one: dict[str, Any], frame: pd.DataFrame) -> dict[str, Any]:
     now = _fingerprint(frame)
     before, after = (float("nan") if it["rmse"] is None else float(it["rmse"]) for it in (one, now))
     equal = one["digest"] == now["digest"] and one["stream"] == now["stream"] and one["failure"] == now["failure"]

@@ -232,7 +232,7 @@ def run_until_decided(
         counts |= {cell: min(n, limits[cell]) for cell in going}
         rows = execute(study.limit_trials(counts), out, progress=watcher, **options)
         below = {cell.scenario.label: min(n, cell.most) for cell in study.cells}
-        answers = [_compare(rows, study, below), *(question(rows, n) for question in ask)]
+        answers = [_ask_comparisons(rows, study, below), *(question(rows, n) for question in ask)]
         going = {cell for one in answers for cell in one.open if counts[cell] < limits[cell]}
         records = {one.of: one.records for one in answers}
         write_json(out / DECISIONS, {"most": most, "look": n, "going": sorted(going), **records})
@@ -242,7 +242,7 @@ def run_until_decided(
     return rows
 
 
-def _compare(rows: pd.DataFrame, study: ResolvedStudy, below: dict[str, int]) -> Answers:
+def _ask_comparisons(rows: pd.DataFrame, study: ResolvedStudy, below: dict[str, int]) -> Answers:
     """Compare every estimator with the baseline of its scenario, on the trials below a number."""
     found = decide(rows, {cell.scenario.label: cell.baseline for cell in study.cells}, below)
     going = [one for one in found if one.verdict == OPEN]

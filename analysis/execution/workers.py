@@ -103,12 +103,12 @@ class MeasuredPart(NamedTuple):
     seconds: float  # per robot and tick
 
 
-def measure(task: Task) -> Iterator[MeasuredPart]:
+def compute_task(task: Task) -> Iterator[MeasuredPart]:
     """Simulate a task's trials once, run its estimators on them, and yield a part for each."""
     plugin_world = task.scenario.name not in BUILTIN_SCENARIOS
     try:
         if plugin_world and task.isolate:
-            yield from call(PLUGINS, measure_all, replace(task, isolate=False), limit=task.time_limit)
+            yield from call(PLUGINS, compute_parts, replace(task, isolate=False), limit=task.time_limit)
             return
         with limit_time(task.time_limit):
             truth, stream = task.scenario.simulate(task.trials, task.seed)
@@ -118,7 +118,7 @@ def measure(task: Task) -> Iterator[MeasuredPart]:
         if not task.smaller():
             yield failed_part(task, *explain_failure(e))
         for one in task.smaller():
-            yield from measure(one)
+            yield from compute_task(one)
         return
     for estimator in task.estimators:
         if estimator.builtin or not task.isolate:
@@ -126,9 +126,9 @@ def measure(task: Task) -> Iterator[MeasuredPart]:
         yield _part(task, estimator, _run_rows(task, estimator, truth, stream))
 
 
-def measure_all(task: Task) -> list[MeasuredPart]:
-    """Return what `measure` yields, for a process that is asked once."""
-    return list(measure(task))
+def compute_parts(task: Task) -> list[MeasuredPart]:
+    """Return what `compute_task` yields, for a process that is asked once."""
+    return list(compute_task(task))
 
 
 def _run_rows(task: Task, estimator: ConfiguredEstimator, truth: Truth, stream: Stream) -> pd.DataFrame:
@@ -218,7 +218,7 @@ def make_workers(jobs: int, scheduler: str | None, isolate: bool) -> Iterator[Co
 
     def compute_here(tasks: list[Task]) -> Iterator[MeasuredPart]:
         end_if_edited(BUILTIN)  # between two runs of one Python process; not in a run, whose code is of its beginning
-        yield from compute_in_parallel(_local_processes(jobs), tasks) if jobs > 1 else chain(*map(measure, tasks))
+        yield from compute_in_parallel(_local_processes(jobs), tasks) if jobs > 1 else chain(*map(compute_task, tasks))
 
     try:
         if scheduler is not None:
@@ -266,7 +266,7 @@ def _compute_alone(processes: Processes, task: Task) -> Iterator[MeasuredPart]:
 
 def _local_processes(jobs: int) -> Processes:
     """Return processes on this machine."""
-    send = partial(submit, BUILTIN, jobs, measure_all)
+    send = partial(submit, BUILTIN, jobs, compute_parts)
     return Processes(
         send, lambda future: future.result().unpack(), BrokenExecutor, jobs + 1, partial(end, BUILTIN), lambda: None
     )
@@ -320,7 +320,7 @@ def _measure_on_dask(wanted: dict[str, Any], task: Task) -> list[MeasuredPart]:
                 raise BadInput(f"the Dask worker {worker} has other {key} than the machine that asks: {REMEDY[key]}")
         # Dask's workers are daemons, which may have no children; those of plug-ins end with their parent.
         multiprocessing.current_process()._config["daemon"] = False  # type: ignore[attr-defined]
-        return measure_all(task)
+        return compute_parts(task)
 
 
 @contextmanager

@@ -121,7 +121,7 @@ MEASURES = {
         lambda e: _mean_with_covariance(e, np.pi * INSIDE_95 * np.sqrt(e.det)), "m^2", "ticks",
     ),
 }  # fmt: skip
-SCORES = tuple(name for name in MEASURES if name not in COLUMNS)  # results of former versions lack them
+OPTIONAL_COLUMNS = tuple(name for name in MEASURES if name not in COLUMNS)  # results of former versions lack them
 
 
 def errors(truth: Truth, run: Run, burn_in: int = 0) -> pd.DataFrame:
@@ -230,7 +230,7 @@ def _frame(truth: Truth, run: Run, name: str, trace: Trace, valid: Mask) -> pd.D
         "bound": trace.bound,
         SENSES: trace.senses,
     }
-    columns = {key: columns[key] for key in (*COLUMNS, *SCORES, SENSES)}
+    columns = {key: columns[key] for key in (*COLUMNS, *OPTIONAL_COLUMNS, SENSES)}
     columns |= {OFFLINE: True} if trace.offline else {}
     columns |= {NOTE + key: values.ravel() for key, values in trace.notes.items()}
     if run.unchecked:

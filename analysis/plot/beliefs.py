@@ -29,7 +29,7 @@ def ellipses(truth: Truth, run: Run, trial: int = 0, tick: int = -1, ax: Axes | 
     """
     i, k = find_place(truth, run, trial, tick)
     drawn = ax or style.new_axes(7.2, 4.2)
-    for name, (colour, _, line) in style.session_looks(run.traces).items():
+    for name, (colour, _, line) in style.session_pens(run.traces).items():
         x, P = run.traces[name].x[i, k, :, :2], run.traces[name].P[i, k]
         for mean, covariance in zip(x, P, strict=True):
             drawn.add_patch(ellipse(mean, covariance, ec=colour, ls=line, lw=1.6))
@@ -51,14 +51,14 @@ def trajectories(truth: Truth, run: Run, trial: int = 0, robot: int = 0) -> Axes
     Each estimator has axes of its own; those of the first are returned.
     """
     i = find_place(truth, run, trial)[0]
-    looks = style.session_looks(run.traces)
+    pens = style.session_pens(run.traces)
     axes = style.new_panels(len(run.traces), 2, (3.7, 3.7), sharex=True, sharey=True)
     for ax, (name, trace) in zip(axes, run.traces.items(), strict=True):
         x, P = trace.x[i, :, robot], trace.P[i, :, robot]
         ax.plot(*truth.x[i, :, robot, :2].T, color="black", lw=1.2, label="truth")
-        ax.plot(*x[:, :2].T, color=looks[name].colour, lw=1.0, ls="--", label="estimate")
+        ax.plot(*x[:, :2].T, color=pens[name].colour, lw=1.0, ls="--", label="estimate")
         for k in range(9, len(x), 10):
-            ax.add_patch(ellipse(x[k], P[k], ec=looks[name].colour, lw=0.7))
+            ax.add_patch(ellipse(x[k], P[k], ec=pens[name].colour, lw=0.7))
         ax.set_aspect("equal")
         style.finish(ax, "x [m]", "y [m]", name)
     axes[0].legend(frameon=False, fontsize="small")
@@ -91,9 +91,9 @@ def anees(truth: Truth, run: Run, ax: Axes | None = None) -> Axes:
 
 def _draw_over_time(ax: Axes, truth: Truth, run: Run, what: str, label: str) -> pd.DataFrame:
     """Draw a line over the ticks for each estimator, with its band; return the table of `over_time`."""
-    table, looks = over_time(truth, run), style.session_looks(run.traces)
+    table, pens = over_time(truth, run), style.session_pens(run.traces)
     for name, rows in table.groupby("estimator", sort=False):
-        colour, _, line = looks[str(name)]
+        colour, _, line = pens[str(name)]
         style.draw_band(ax, rows["tick"], rows[f"{what}_low"], rows[f"{what}_high"], colour)
         ax.plot(rows["tick"], rows[what], color=colour, ls=line, lw=1.6, label=name)
     intervals = ", 95 % intervals" * (len(run.trial) >= LEAST_TRIALS)
@@ -120,10 +120,10 @@ def ellipse_shape(P: Array) -> tuple[float, float, float]:
     return float(width), float(height), float(np.degrees(np.arctan2(vectors[1, 1], vectors[0, 1])))
 
 
-def ellipse(x: Array, P: Array, **look: Any) -> Ellipse:
+def ellipse(x: Array, P: Array, **how: Any) -> Ellipse:
     """Return the 95 % ellipse of a belief, position first."""
     width, height, angle = ellipse_shape(P[:2, :2])
-    return Ellipse((float(x[0]), float(x[1])), width, height, angle=angle, fill=False, **look)
+    return Ellipse((float(x[0]), float(x[1])), width, height, angle=angle, fill=False, **how)
 
 
 # ------------------------------------------------------------------------------------------------ a film
@@ -156,11 +156,11 @@ def animate(
     trails = [drawn.plot([], [], color=DARK, lw=1.0, zorder=2)[0] for _ in range(path.shape[1])]
     robots = drawn.plot([], [], "x", color="black", ms=8, mew=2, ls="none", label="truth", zorder=5)[0]
     beliefs, none = [], np.zeros(path.shape[1])
-    for name, look in style.session_looks(run.traces).items():
-        dots = drawn.plot([], [], ".", color=look.colour, ms=6, zorder=4)[0]
-        drawn.plot([], [], color=look.colour, ls=look.line, label=name)
+    for name, pen in style.session_pens(run.traces).items():
+        dots = drawn.plot([], [], ".", color=pen.colour, ms=6, zorder=4)[0]
+        drawn.plot([], [], color=pen.colour, ls=pen.line, label=name)
         ovals = EllipseCollection(none, none, none, units="xy", offsets=path[0], transOffset=drawn.transData)
-        ovals.set(facecolor="none", edgecolor=look.colour, linestyle=look.line, linewidth=1.4, zorder=3)
+        ovals.set(facecolor="none", edgecolor=pen.colour, linestyle=pen.line, linewidth=1.4, zorder=3)
         drawn.add_collection(ovals)
         beliefs.append((run.traces[name], dots, ovals))
     style.finish(drawn, "x [m]", "y [m]", " ")

@@ -24,10 +24,10 @@ from cooploc.analysis.metrics.curves import swept
 from cooploc.analysis.metrics.ranking import is_refused
 from cooploc.analysis.metrics.statistics import LEAST_TRIALS
 from cooploc.analysis.plot import style
-from cooploc.analysis.plot.style import DOTTED, PAGE, Look, Row, Style, draw_marker, name_of, set_log_scale, span
+from cooploc.analysis.plot.style import DOTTED, PAGE, Pen, Row, Style, draw_marker, name_of, set_log_scale, span
 from cooploc.estimators.errors import BadInput
 
-Looks = Mapping[str, Look]
+Pens = Mapping[str, Pen]
 Short = Callable[[str], str]  # from an estimator's label to its name in a figure
 RMSE = "position RMSE [m]"
 NAMES = {"anees": "ANEES (1 is consistent)", "bytes": "bytes per robot and tick", "seconds": "µs per robot and tick"}
@@ -56,33 +56,33 @@ def rmse(errors: pd.DataFrame, ax: Axes | None = None, floors: Mapping[str, floa
     table = style.summarize_for_figures(errors)
     table["floor"] = table["scenario"].map(dict(floors or {}))
     along, names = _sweep(table), list(dict.fromkeys(table["estimator"]))
-    looks, height = style.session_looks(names), max(4.0, 0.6 + 0.2 * len(names))
+    pens, height = style.session_pens(names), max(4.0, 0.6 + 0.2 * len(names))
     over_confident = bool((table["consistency"] == "over-confident").any())
     if along is not None:
         ax = ax or style.new_axes(6.5, height)
-        draw_curves(ax, along[along["rmse"].notna()], looks)
+        draw_curves(ax, along[along["rmse"].notna()], pens)
         above = f"{along['family'].iloc[0]}, {_about_trials(table)}{'; broken: over-confident' * over_confident}"
         style.finish(ax, along["parameter"].iloc[0], RMSE, above)
     else:
-        ax = _draw_side_by_side(ax, table, looks, height)
+        ax = _draw_side_by_side(ax, table, pens, height)
         style.finish(ax, "", RMSE, _about_trials(table) + "; hollow: over-confident" * over_confident, grid="y")
     style.add_legend(ax)
     return ax
 
 
-def _draw_side_by_side(ax: Axes | None, table: pd.DataFrame, looks: Looks, height: float) -> Axes:
+def _draw_side_by_side(ax: Axes | None, table: pd.DataFrame, pens: Pens, height: float) -> Axes:
     """Draw the estimators of every scenario in a column of their own; labels that would overlap are upright."""
     labels = list(dict.fromkeys(table["scenario"]))
-    width = min(14.0, max(6.5, 2.5 + 0.2 * len(labels) * (len(looks) + 2)))
+    width = min(14.0, max(6.5, 2.5 + 0.2 * len(labels) * (len(pens) + 2)))
     lines = [wrap_label(label) for label in labels]
     widest = max(len(line) for label in lines for line in label.split("\n"))
     upright = widest * LETTER > (width - 3.0) / len(labels)
     ax = ax or style.new_axes(width, height + max(map(len, labels)) * 0.8 * LETTER * upright)
-    shift = dict(zip(looks, np.linspace(-0.3, 0.3, len(looks)) if len(looks) > 1 else [0.0], strict=True))
+    shift = dict(zip(pens, np.linspace(-0.3, 0.3, len(pens)) if len(pens) > 1 else [0.0], strict=True))
     for row in table[table["rmse"].notna()].to_dict("records"):
         place = labels.index(row["scenario"]) + shift[row["estimator"]]
-        style.draw_rmse(ax, place, row, looks[row["estimator"]])
-    _add_keys(ax, table, looks, name_of)
+        style.draw_rmse(ax, place, row, pens[row["estimator"]])
+    _add_keys(ax, table, pens, name_of)
     for place, floor in enumerate(table.groupby("scenario", sort=False)["floor"].first()):
         ax.hlines(floor, place - 0.4, place + 0.4, color="black", ls=DOTTED)
         ax.axvline(place + 0.5, color=style.GRID, lw=1, zorder=0)
@@ -102,9 +102,9 @@ def tradeoff(errors: pd.DataFrame, ax: Axes | None = None) -> Axes:
     if table["scenario"].nunique() > 1:
         raise BadInput(f"a tradeoff shows one scenario, these errors have {table['scenario'].nunique()}: select one")
     ax = ax or style.new_axes(8.0, 0.9 + 0.27 * max(len(table), 10))
-    looks = style.session_looks(table["estimator"])
-    draw_against(ax, table, "anees", looks)
-    _add_keys(ax, table, looks, name_of)
+    pens = style.session_pens(table["estimator"])
+    draw_against(ax, table, "anees", pens)
+    _add_keys(ax, table, pens, name_of)
     xlabel = "ANEES (grey: neither over-confident nor conservative)"
     style.finish(ax, xlabel, RMSE, f"{table['scenario'].iloc[0]}, {_about_trials(table)}", grid="both")
     style.add_legend(ax)
@@ -120,13 +120,13 @@ def pareto(errors: pd.DataFrame) -> Axes:
     table = style.summarize_for_figures(errors)
     table = table[table["rmse"].notna()].assign(floor=np.nan)
     parts = [part for _, part in table.groupby("scenario", sort=False)]
-    looks = style.session_looks(table["estimator"])
-    axes = style.new_panels(len(parts), 2, (3.6, 2.5), 0.2 * (ceil(len(looks) / 3) + 2), sharex=True)
+    pens = style.session_pens(table["estimator"])
+    axes = style.new_panels(len(parts), 2, (3.6, 2.5), 0.2 * (ceil(len(pens) / 3) + 2), sharex=True)
     for ax, part in zip(axes, parts, strict=True):
-        draw_against(ax, part, "bytes", looks)
+        draw_against(ax, part, "bytes", pens)
         trials = count_of(int(part["trials"].min()), "trial")
         style.finish(ax, NAMES["bytes"], "RMSE [m]", f"{part['scenario'].iloc[0]}, {trials}", grid="both")
-    _add_keys(axes[0], table, looks, name_of)
+    _add_keys(axes[0], table, pens, name_of)
     axes[0].plot([], [], color=style.DARK, lw=1, label="frontier")
     axes[0].plot([], [], "o", mfc="white", mec=style.DARK, label="hollow: over-confident")
     style.add_legend_below(axes)
@@ -143,15 +143,15 @@ def frontier(table: pd.DataFrame, cost: str = "bytes") -> pd.DataFrame:
 # ------------------------------------------------------------------------------------------------ on a page, in a paper
 
 
-def _height(look: Style) -> float:
+def _height(medium: Style) -> float:
     """Return the height [in] of a row of panels."""
-    return max(2.1, 0.29 * look.width)
+    return max(2.1, 0.29 * medium.width)
 
 
-def sweep_panels(part: pd.DataFrame, looks: Looks, short: Short, look: Style = PAGE) -> Figure:
+def sweep_panels(part: pd.DataFrame, pens: Pens, short: Short, medium: Style = PAGE) -> Figure:
     """Draw RMSE over what the scenarios sweep; of many estimators a panel for each method, among all others in grey."""
     part = swept(part).sort_values("value", kind="stable")
-    names = [name for name in looks if name in set(part["estimator"])]
+    names = [name for name in pens if name in set(part["estimator"])]
     methods = [list(mine) for _, mine in groupby(sorted(names, key=_method), _method)]
     methods.sort(key=lambda mine: names.index(mine[0]))
     shown = [mine[i : i + TOGETHER] for mine in methods for i in range(0, len(mine), TOGETHER)]
@@ -163,32 +163,32 @@ def sweep_panels(part: pd.DataFrame, looks: Looks, short: Short, look: Style = P
         def name(row: Row) -> str:
             return "_" if single else short(row["estimator"])
 
-        draw_curves(ax, part, {one: looks[one] for one in mine}, name, 0.22 if len(mine) == 1 else 0.1)
+        draw_curves(ax, part, {one: pens[one] for one in mine}, name, 0.22 if len(mine) == 1 else 0.1)
         if len(shown) > 1:
             ax.set_title(wrap_label(short(mine[0] if single else _method(mine[0])), 44))
 
-    height = _height(look) if len(shown) == 1 else max(1.15, 0.7 * look.width / look.across)
+    height = _height(medium) if len(shown) == 1 else max(1.15, 0.7 * medium.width / medium.across)
     entries = sum(len(mine) for mine in shown if len(shown) == 1 or len(mine) > 1)
     labels = part["parameter"].iloc[0], RMSE
     draws = [partial(draw, mine=mine) for mine in shown]
-    return compose(draws, look, (look.width, height), labels, shared=True, entries=entries)
+    return compose(draws, medium, (medium.width, height), labels, shared=True, entries=entries)
 
 
 def _method(label: str) -> str:
     return label.partition("[")[0]
 
 
-def ranking(parts: Sequence[pd.DataFrame], looks: Looks, short: Short, look: Style = PAGE) -> Figure:
+def ranking(parts: Sequence[pd.DataFrame], pens: Pens, short: Short, medium: Style = PAGE) -> Figure:
     """Draw RMSE of every estimator with its interval, a panel for each scenario; smallest in the first on top."""
     parts = [part[part["rmse"].notna()] for part in parts]
     order = list(dict.fromkeys(name for part in parts for name in part.sort_values("rmse")["estimator"]))[::-1]
     refused = {row["estimator"] for part in parts for row in part.to_dict("records") if is_refused(row["certificate"])}
-    titles = [wrap_label(str(part["scenario"].iloc[0]), int(18 * (look.width - 1.4) / len(parts))) for part in parts]
+    titles = [wrap_label(str(part["scenario"].iloc[0]), int(18 * (medium.width - 1.4) / len(parts))) for part in parts]
     height = 0.55 + 0.17 * len(order) + 0.14 * (1 + max(title.count("\n") for title in titles))
 
     def draw(ax: Axes, part: pd.DataFrame, title: str) -> None:
         for row in part.to_dict("records"):
-            style.draw_rmse(ax, order.index(row["estimator"]), row, looks[row["estimator"]], vertical=False)
+            style.draw_rmse(ax, order.index(row["estimator"]), row, pens[row["estimator"]], vertical=False)
         ax.axvline(part["floor"].iloc[0], color="black", lw=1.0, ls=DOTTED)
         set_log_scale(ax.xaxis, *span(part, "rmse", "floor"))
         ax.set_yticks(range(len(order)), [short(name) + style.UNRANKED * (name in refused) for name in order])
@@ -196,25 +196,25 @@ def ranking(parts: Sequence[pd.DataFrame], looks: Looks, short: Short, look: Sty
         ax.set_title(title)
 
     draws = [partial(draw, part=part, title=title) for part, title in zip(parts, titles, strict=True)]
-    return compose(draws, look, (look.width, height), (RMSE, ""), across=len(parts))
+    return compose(draws, medium, (medium.width, height), (RMSE, ""), across=len(parts))
 
 
-def scatter(part: pd.DataFrame, others: Sequence[str], looks: Looks, short: Short, look: Style = PAGE) -> Figure:
+def scatter(part: pd.DataFrame, others: Sequence[str], pens: Pens, short: Short, medium: Style = PAGE) -> Figure:
     """Draw RMSE of every estimator in one scenario against ANEES, bytes or seconds, a panel for each of `others`."""
     part = part[part["rmse"].notna()]
 
     def draw(ax: Axes, other: str) -> None:
-        draw_against(ax, part[part[other].notna()], other, looks)
+        draw_against(ax, part[part[other].notna()], other, pens)
         ax.set(xlabel=NAMES[other].partition(" (")[0])
         if other == others[0]:
-            _add_keys(ax, part, looks, lambda row: short(row["estimator"]))
+            _add_keys(ax, part, pens, lambda row: short(row["estimator"]))
 
-    draws, size = [partial(draw, other=other) for other in others], (look.width, _height(look))
+    draws, size = [partial(draw, other=other) for other in others], (medium.width, _height(medium))
     entries = part["estimator"].nunique()
-    return compose(draws, look, size, ("", RMSE), shared=True, across=len(others), entries=entries)
+    return compose(draws, medium, size, ("", RMSE), shared=True, across=len(others), entries=entries)
 
 
-def overview(table: pd.DataFrame, looks: Looks, short: Short) -> Figure:
+def overview(table: pd.DataFrame, pens: Pens, short: Short) -> Figure:
     """Draw RMSE of every estimator relative to the baseline's, a mark for each scenario; the median smallest on top.
 
     Of many estimators those that ran in the most scenarios.
@@ -227,7 +227,7 @@ def overview(table: pd.DataFrame, looks: Looks, short: Short) -> Figure:
     def draw(ax: Axes) -> None:
         for y, (name, median) in enumerate(ordered.items()):
             for row in part[part["estimator"] == name].to_dict("records"):
-                draw_marker(ax, row["ratio"], y, row, looks[str(name)], ms=5, mew=1)
+                draw_marker(ax, row["ratio"], y, row, pens[str(name)], ms=5, mew=1)
             ax.plot([median, median], [y - 0.32, y + 0.32], color=style.DARK, lw=1.6, zorder=4)
         ax.axvline(1, color="black", lw=1.1, ls=DOTTED)
         first = part.drop_duplicates("estimator").set_index("estimator", drop=False)
@@ -240,7 +240,7 @@ def overview(table: pd.DataFrame, looks: Looks, short: Short) -> Figure:
 
 def compose(
     draws: Sequence[Callable[[Axes], None]],
-    look: Style,
+    medium: Style,
     size: tuple[float, float],
     labels: tuple[str, str] = ("", ""),
     shared: bool = False,
@@ -253,10 +253,10 @@ def compose(
     panels have in common where `shared`; `across` panels stand side by side (as many as the style has where 0), above
     a legend of `entries`.
     """
-    across = min(len(draws), across or look.across)
-    down, lines = ceil(len(draws) / across), ceil(entries / look.keys)
+    across = min(len(draws), across or medium.across)
+    down, lines = ceil(len(draws) / across), ceil(entries / medium.keys)
     height = min(size[1] * down + 0.15 * lines + 0.3 * (down > 1), style.TALLEST)
-    with mpl.rc_context(look.rc):
+    with mpl.rc_context(medium.rc):
         figure = Figure(figsize=(size[0], height), layout="constrained")
         axes: Any = figure.subplots(down, across, sharey=True, sharex=shared and down > 1, squeeze=False)
         for k, (ax, draw) in enumerate(zip(axes.flat, draws, strict=False)):
@@ -271,7 +271,7 @@ def compose(
             ax.remove()
         if entries:
             tight = {"fontsize": style.TEXT, "handlelength": 2.2, "columnspacing": 1.0, "labelspacing": 0.2}
-            style.add_legend_below(axes.flat[: len(draws)], min(entries, look.keys), **tight)
+            style.add_legend_below(axes.flat[: len(draws)], min(entries, medium.keys), **tight)
     return figure
 
 
@@ -279,16 +279,16 @@ def compose(
 
 
 def draw_curves(
-    ax: Axes, part: pd.DataFrame, looks: Looks, name: Callable[[Row], str] = name_of, alpha: float = 0.15
+    ax: Axes, part: pd.DataFrame, pens: Pens, name: Callable[[Row], str] = name_of, alpha: float = 0.15
 ) -> None:
-    """Draw the estimators that have a look over the swept value with the floor; all others in light grey."""
-    part, names = part.sort_values("value", kind="stable"), list(looks)
+    """Draw the estimators that have a pen over the swept value with the floor; all others in light grey."""
+    part, names = part.sort_values("value", kind="stable"), list(pens)
     for _, rows in part[~part["estimator"].isin(names)].groupby("estimator", sort=False):
         ax.plot(rows["value"], rows["rmse"], color=style.FAINT, lw=1, zorder=1)
     for one in names:
         rows = part[part["estimator"] == one]
         if len(rows):
-            style.draw_curve(ax, rows, "value", looks[one], alpha, name(rows.iloc[0]))
+            style.draw_curve(ax, rows, "value", pens[one], alpha, name(rows.iloc[0]))
     floor = part.groupby("value")["floor"].first()
     if floor.notna().any():
         ax.plot(floor.index, floor, color="black", lw=1.1, ls=DOTTED, label="floor")
@@ -301,7 +301,7 @@ def draw_curves(
         ax.set_xticks(values, [f"{value:g}" for value in values])
 
 
-def draw_against(ax: Axes, part: pd.DataFrame, other: str, looks: Looks) -> None:
+def draw_against(ax: Axes, part: pd.DataFrame, other: str, pens: Pens) -> None:
     """Draw RMSE against ANEES, with the band of consistency, or against a cost with the frontier."""
     scale = 1e6 if other == "seconds" else 1.0
     low, high = (scale * end for end in span(part, other))
@@ -310,12 +310,12 @@ def draw_against(ax: Axes, part: pd.DataFrame, other: str, looks: Looks) -> None
     elif len(front := frontier(part, other)):
         ax.step(scale * front[other], front["rmse"], where="post", color="0.3", lw=1, ls=style.BROKEN, zorder=1)
     for row in part.to_dict("records"):
-        look, x = looks[row["estimator"]], scale * row[other]
-        bar: Any = {"color": style.colour_of(row, look), "lw": 1}
+        pen, x = pens[row["estimator"]], scale * row[other]
+        bar: Any = {"color": style.colour_of(row, pen), "lw": 1}
         ax.plot([x, x], [row["rmse_low"], row["rmse_high"]], **bar)
         if f"{other}_low" in row:
             ax.plot([scale * row[f"{other}_low"], scale * row[f"{other}_high"]], [row["rmse"]] * 2, **bar)
-        draw_marker(ax, x, row["rmse"], row, look)
+        draw_marker(ax, x, row["rmse"], row, pen)
     if other == "bytes":  # some send nothing
         high = 1.6 * max(10.0, high)
         ax.set_xscale("symlog", linthresh=10)
@@ -330,11 +330,11 @@ def draw_against(ax: Axes, part: pd.DataFrame, other: str, looks: Looks) -> None
     set_log_scale(ax.yaxis, *span(part, "rmse", "floor"))
 
 
-def _add_keys(ax: Axes, table: pd.DataFrame, looks: Looks, name: Callable[[Any], str]) -> None:
+def _add_keys(ax: Axes, table: pd.DataFrame, pens: Pens, name: Callable[[Any], str]) -> None:
     """Add an entry of the legend for each estimator, with a full marker."""
     rows = table.drop_duplicates("estimator").set_index("estimator", drop=False)
-    for row in (rows.loc[one].to_dict() for one in looks if one in rows.index):
-        draw_marker(ax, np.nan, np.nan, {**row, "consistency": ""}, looks[row["estimator"]], label=name(row))
+    for row in (rows.loc[one].to_dict() for one in pens if one in rows.index):
+        draw_marker(ax, np.nan, np.nan, {**row, "consistency": ""}, pens[row["estimator"]], label=name(row))
 
 
 def _sweep(table: pd.DataFrame) -> pd.DataFrame | None:

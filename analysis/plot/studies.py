@@ -15,7 +15,7 @@ from cooploc.estimators.errors import BadInput, nearest
 
 OWN = {"none": "none", "doa": "direction of arrival", "gradient": "gradient", "rssi": "raw RSSI"}
 BETWEEN = {"none": "none", "rssi": "RSSI", "range": "range"}
-RULES = {  # (fusion, filter) -> name, and the estimator whose look it has
+RULES = {  # (fusion, filter) -> name, and the estimator whose pen it has
     ("alone", "particles"): ("alone, particles", "arl"),
     ("alone", "Kalman"): ("alone, Kalman", "ekf-local"),
     ("product", "particles"): ("product of beliefs, particles", "mrsl-rssi"),
@@ -40,7 +40,7 @@ def information(table: pd.DataFrame) -> Axes:
     there = table[["robots", "between"]].drop_duplicates().itertuples(index=False, name=None)
     cells = sorted(there, key=lambda cell: (cell[0], list(BETWEEN).index(cell[1])))
     places = {cell: i + GAP * teams.index(cell[0]) for i, cell in enumerate(cells)}  # teams stand apart
-    looks = style.looks(one for _, one in RULES.values())
+    pens = style.pens(one for _, one in RULES.values())
     set_log_scale(axes[0].yaxis, *span(table, "rmse", "floor"))
     for ax, name in zip(axes, rows, strict=True):
         own = table[table["own"] == name]
@@ -51,7 +51,7 @@ def information(table: pd.DataFrame) -> Axes:
                 ax.plot([x - 0.42, x + 0.42], [floor, floor], color="black", ls=style.DOTTED, lw=1.6, zorder=1)
             shifts = 0.15 * (np.arange(len(here)) - (len(here) - 1) / 2)
             for shift, row in zip(shifts, here.to_dict("records"), strict=True):
-                draw_rmse(ax, x + shift, row, looks[RULES[row["fusion"], row["filter"]][1]])
+                draw_rmse(ax, x + shift, row, pens[RULES[row["fusion"], row["filter"]][1]])
         style.finish(ax, "", "RMSE [m]", f"own reading: {OWN[name]}", grid="y")
     last, below = axes[-1], {"textcoords": "offset points", "va": "top"}
     last.set_xticks(list(places.values()), [BETWEEN[between] for _, between in places])
@@ -66,7 +66,7 @@ def information(table: pd.DataFrame) -> Axes:
     for rule, (name, one) in RULES.items():
         if rule in used:
             full: dict[str, Any] = {"consistency": "", "centralised": rule[0] in ("centralised", "bound")}
-            draw_marker(last, np.nan, np.nan, full, looks[one], label=name)
+            draw_marker(last, np.nan, np.nan, full, pens[one], label=name)
     last.plot([], [], color="black", ls=style.DOTTED, lw=1.6, label="floor of the readings in the cell")
     last.plot([], [], "o", mfc="white", mec=style.DARK, label="hollow: over-confident")
     style.add_legend_below(axes)
@@ -97,7 +97,7 @@ def sensitivity(table: pd.DataFrame) -> Axes:
     axes = style.new_panels(len(parameters), 2, (3.6, 2.3), 0.5, sharey=True)
     for k, (ax, parameter) in enumerate(zip(axes, parameters, strict=True)):
         part = table[table["parameter"] == parameter]
-        draw_curves(ax, part, style.session_looks(part["estimator"]), alpha=0.12)
+        draw_curves(ax, part, style.session_pens(part["estimator"]), alpha=0.12)
         ax.axvline(part["preset"].iloc[0], color="0.5", ls=style.BROKEN, lw=1, zorder=0)
         values = np.unique(part["value"])
         if values[0] > 0 and values[-1] > WIDE["sensitivity"] * values[0]:
@@ -125,12 +125,12 @@ def tuning(history: pd.DataFrame, ax: Axes | None = None) -> Axes:
     is gained on training streams may be lost on fresh ones: the table of `cl.tune` has both.
     """
     ax = ax or style.new_axes(7.0, 4.0)
-    for name, look in style.session_looks(history["estimator"]).items():
+    for name, pen in style.session_pens(history["estimator"]).items():
         part = history[history["estimator"] == name].sort_values("spent", kind="stable")
         best = part[part["best"]]
         x, y = [*best["spent"], part["spent"].iloc[-1]], [*best["gain"], best["gain"].iloc[-1]]
-        ax.plot(x, y, color=look.colour, ls=look.line, lw=1.4, drawstyle="steps-post", label=name)
-        ax.plot(best["spent"], best["gain"], color=look.colour, marker=look.marker, ls="none", ms=5)
+        ax.plot(x, y, color=pen.colour, ls=pen.line, lw=1.4, drawstyle="steps-post", label=name)
+        ax.plot(best["spent"], best["gain"], color=pen.colour, marker=pen.marker, ls="none", ms=5)
     style.finish(ax, "training trials used", "gain of the mean score", "on training streams", grid="both")
     style.add_legend(ax)
     return ax
@@ -151,7 +151,7 @@ def tuned_parameters(history: pd.DataFrame, estimator: str) -> Axes:
         raise BadInput(f"{estimator!r} declares no parameter that may be tuned; choose another estimator")
     axes = style.new_panels(len(columns), 3, (3.0, 2.4), sharey=True)
     for k, (ax, column) in enumerate(zip(axes, columns, strict=True)):
-        _draw_gains(ax, part, column, style.session_looks([estimator])[estimator].colour)
+        _draw_gains(ax, part, column, style.session_pens([estimator])[estimator].colour)
         style.finish(ax, column.removeprefix(VALUE), "gain of the mean score" * (k % 3 == 0), grid="y")
     figure: Any = axes[0].figure
     figure.suptitle(estimator, fontsize="medium")

@@ -1,6 +1,6 @@
 """The style of all figures: colours that colour-blind readers tell apart, markers and lines that grey print does.
 
-A built-in estimator has its look by its place in the registry, a variant ("arl[K=1]") its method's colour, darker or
+A built-in estimator has its pen by its place in the registry, a variant ("arl[K=1]") its method's colour, darker or
 lighter. Hollow markers are over-confident, grey and dotted estimators centralised, dots and dashes offline.
 """
 
@@ -75,10 +75,10 @@ PAPER = {1: Style(_TIMES, 3.48, 3, 3), 2: Style(_TIMES, 7.14, 5, 6)}  # by colum
 TALLEST = 8.6  # [in]: a page of a paper less its caption
 
 
-# ------------------------------------------------------------------------------------------------ looks
+# ------------------------------------------------------------------------------------------------ pens
 
 
-class Look(NamedTuple):
+class Pen(NamedTuple):
     """Colour, marker and line of an estimator."""
 
     colour: Any
@@ -86,30 +86,30 @@ class Look(NamedTuple):
     line: Any
 
 
-_SESSION: dict[str, Look] = {}
+_SESSION: dict[str, Pen] = {}
 
 
-def looks(estimators: Iterable[str], known: dict[str, Look] | None = None) -> dict[str, Look]:
-    """Return the look of each estimator, in the order given; those in `known` keep theirs, and new ones join it."""
+def pens(estimators: Iterable[str], known: dict[str, Pen] | None = None) -> dict[str, Pen]:
+    """Return the pen of each estimator, in the order given; those in `known` keep theirs, and new ones join it."""
     known = {} if known is None else known
     names = list(dict.fromkeys(estimators))
     for name in names:
         if name not in known:
-            known[name] = _new_look(name, known)
+            known[name] = _new_pen(name, known)
     return {name: known[name] for name in names}
 
 
-def session_looks(estimators: Iterable[str]) -> dict[str, Look]:
-    """Return the look of each estimator in this process, where a name once drawn keeps its look."""
-    return looks(estimators, _SESSION)
+def session_pens(estimators: Iterable[str]) -> dict[str, Pen]:
+    """Return the pen of each estimator in this process, where a name once drawn keeps its pen."""
+    return pens(estimators, _SESSION)
 
 
-def _new_look(name: str, known: Iterable[str]) -> Look:
-    """Return the look of a built-in estimator, of a variant of one, or of one that is not built in."""
+def _new_pen(name: str, known: Iterable[str]) -> Pen:
+    """Return the pen of a built-in estimator, of a variant of one, or of one that is not built in."""
     method, order = name.partition("[")[0], list(BUILTIN)
     if method not in order:
         number = sum(other.partition("[")[0] not in order for other in known)
-        return Look(OTHERS[number % len(OTHERS)], MARKERS[number % len(MARKERS)], DASHES[number % len(DASHES)])
+        return Pen(OTHERS[number % len(OTHERS)], MARKERS[number % len(MARKERS)], DASHES[number % len(DASHES)])
     place, joint = order.index(method), method.endswith("-joint")
     number = 0 if name == method else 1 + sum(other.partition("[")[0] == method != other for other in known)
     colour = GREY if joint else HUES[place % len(HUES)]
@@ -118,12 +118,12 @@ def _new_look(name: str, known: Iterable[str]) -> Look:
         r, g, b = (c * (1 + shade) if shade < 0 else c + (1 - c) * shade for c in to_rgb(colour))
         colour = to_hex((r, g, b))
     line = DOTTED if joint else DASHES[(place + number) % len(DASHES)]
-    return Look(colour, MARKERS[(place + max(0, number - 1)) % len(MARKERS)], line)
+    return Pen(colour, MARKERS[(place + max(0, number - 1)) % len(MARKERS)], line)
 
 
-def colour_of(row: Row, look: Look) -> Any:
+def colour_of(row: Row, pen: Pen) -> Any:
     """Return the colour of a row: grey where it is centralised, in the shade that is its own."""
-    return GREY if row["centralised"] and len(set(to_rgb(look.colour))) > 1 else look.colour
+    return GREY if row["centralised"] and len(set(to_rgb(pen.colour))) > 1 else pen.colour
 
 
 def name_of(row: Row, name: str = "") -> str:
@@ -149,34 +149,34 @@ def summarize_for_figures(errors: pd.DataFrame) -> pd.DataFrame:
     return table.assign(consistency=consistency(table), **{str(name): standing[name].to_numpy() for name in standing})
 
 
-def draw_marker(ax: Axes, x: float, y: float, row: Row, look: Look, **more: Any) -> None:
+def draw_marker(ax: Axes, x: float, y: float, row: Row, pen: Pen, **more: Any) -> None:
     """Draw a row's marker; hollow where it is over-confident."""
-    colour = colour_of(row, look)
+    colour = colour_of(row, pen)
     face = "white" if row["consistency"] == "over-confident" else colour
-    ax.plot(x, y, marker=look.marker, mfc=face, mec=colour, **{"ms": 6, "mew": 1.3, "zorder": 3, "ls": "none", **more})
+    ax.plot(x, y, marker=pen.marker, mfc=face, mec=colour, **{"ms": 6, "mew": 1.3, "zorder": 3, "ls": "none", **more})
 
 
-def draw_rmse(ax: Axes, place: float, row: Row, look: Look, vertical: bool = True) -> None:
+def draw_rmse(ax: Axes, place: float, row: Row, pen: Pen, vertical: bool = True) -> None:
     """Draw a row's RMSE with its interval, at a place of the other axis."""
     ends, middle = [row["rmse_low"], row["rmse_high"]], [place, place]
     ax.plot(
-        *((middle, ends) if vertical else (ends, middle)), color=colour_of(row, look), lw=1.6, ls=_line_of(row, SOLID)
+        *((middle, ends) if vertical else (ends, middle)), color=colour_of(row, pen), lw=1.6, ls=_line_of(row, SOLID)
     )
     x, y = (place, row["rmse"]) if vertical else (row["rmse"], place)
-    draw_marker(ax, x, y, row, look)
+    draw_marker(ax, x, y, row, pen)
 
 
-def draw_curve(ax: Axes, rows: pd.DataFrame, x: str, look: Look, alpha: float = 0.15, label: str = "") -> None:
+def draw_curve(ax: Axes, rows: pd.DataFrame, x: str, pen: Pen, alpha: float = 0.15, label: str = "") -> None:
     """Draw RMSE over `x` with its band and some 25 markers; broken where most values are over-confident."""
     over = (rows["consistency"] == "over-confident").to_numpy()
     first = rows.iloc[0]
-    colour, line = colour_of(first, look), _line_of(first, BROKEN if over.mean() > 0.5 else look.line)
+    colour, line = colour_of(first, pen), _line_of(first, BROKEN if over.mean() > 0.5 else pen.line)
     draw_band(ax, rows[x], rows["rmse_low"], rows["rmse_high"], colour, alpha)
     ax.plot(rows[x], rows["rmse"], color=colour, ls=line, lw=1.6, zorder=3)
     for row in rows.iloc[:: max(1, len(rows) // 25)].to_dict("records"):
-        draw_marker(ax, row[x], row["rmse"], row, look, ms=5, mew=1.2, zorder=4)
+        draw_marker(ax, row[x], row["rmse"], row, pen, ms=5, mew=1.2, zorder=4)
     face = "white" if over.all() else colour
-    ax.plot([], [], color=colour, ls=line, marker=look.marker, mfc=face, label=label or name_of(first))
+    ax.plot([], [], color=colour, ls=line, marker=pen.marker, mfc=face, label=label or name_of(first))
 
 
 def draw_band(ax: Axes, x: Any, low: Any, high: Any, colour: Any, alpha: float = 0.15) -> None:

@@ -21,7 +21,7 @@ from cooploc.analysis.formats import count, count_of, metres, microseconds, rati
 from cooploc.analysis.metrics.errors import TRAINED
 from cooploc.analysis.metrics.ranking import board_letters
 from cooploc.analysis.report import html_page, page_texts
-from cooploc.analysis.report.result_tables import HASH, WHO, remark
+from cooploc.analysis.report.result_tables import HASH, REMARK_FIELDS, remark
 from cooploc.analysis.report.run_numbers import Numbers, may_be_ranked, numbers_of
 from cooploc.analysis.report.tables import Row, Table, interval_column, number_column, text_column, words
 from cooploc.estimators import configure
@@ -158,7 +158,7 @@ COLUMNS = (
     text_column("group"),
     interval_column("RMSE [m]", "rmse", metres),
     text_column("consistency"),
-    text_column("remark", of=[{"consistency": "none"}.get(key, key) for key in WHO], form=remark),
+    text_column("remark", of=[{"consistency": "none"}.get(key, key) for key in REMARK_FIELDS], form=remark),
     number_column("ANEES", "anees", form=ratio, collapsed=True),
     number_column("bytes", form=count),
     number_column("µs", "seconds", form=microseconds),

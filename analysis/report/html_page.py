@@ -101,7 +101,7 @@ def content(numbers: Numbers, ledger: Ledger) -> dict[str, Any]:
     tables += [one for each in experiments for one in (*each["tables"], each["standings"])]
     missing = [f"{s}, {shorten_labels(e)}: {n} of the planned trials are missing" for (s, e), n in kept.gaps.items()]
     central = set(kept.rows.loc[kept.rows["centralised"].eq(True), "estimator"])
-    marks = {name: marker(look, name in central) for name, look in numbers.looks.items()}
+    marks = {name: marker(pen, name in central) for name, pen in numbers.pens.items()}
     names = kept.rows["estimator"].unique()
     of_problem = stream_sentence(Study(**study), manifest["streams"])
 
@@ -145,7 +145,7 @@ def holds(run: StoredRun, numbers: Numbers) -> str:
 
     every, shown = sizes(run), sizes(numbers.kept)
     some = f"Of the run's {every} this page shows {shown}" if shown != every else f"This run holds {every}"
-    baselines = join_words(map(numbers.names.of, dict.fromkeys(numbers.table["baseline"])))
+    baselines = join_words(map(numbers.names.shorten, dict.fromkeys(numbers.table["baseline"])))
     return f"{some}, {run_numbers.trial_counts(numbers.table)}; changes are against {baselines}."
 
 
@@ -180,7 +180,7 @@ def experiment(name: str, plan: dict[str, list[str]], numbers: Numbers, counter:
             changed.append(result_tables.sweep_table(f"{anchor}-sweep{len(changed) + 1}", changes, parameter))
     again = only and part["scenario"].nunique() <= FEW  # the first figure of the page
     single = [] if again else run_numbers.group_by_sweep(list(plan)).get(("", ""), [])
-    drawn = draw_experiment(part, single, numbers.names, numbers.looks, style.PAGE)
+    drawn = draw_experiment(part, single, numbers.names, numbers.pens, style.PAGE)
     test = "confidence sequences of the change" if numbers.kept.looks else "t test of the change"
     few = f" Below {LEAST_TRIALS} trials there are no intervals." * bool(part["trials"].min() < LEAST_TRIALS)
     about = (
@@ -223,15 +223,15 @@ def first_figure(numbers: Numbers, counter: Iterator[int]) -> dict[str, Any]:
     ended = numbers.table[numbers.table["rmse"].notna()]
     if 0 < ended["scenario"].nunique() <= FEW:
         parts = [part for _, part in ended.groupby("scenario", sort=False)]
-        return show(RunFigure(results.ranking(parts, numbers.looks, numbers.names.of), [], DOTS, ended), counter)
-    baselines = ", ".join(map(numbers.names.of, dict.fromkeys(ended["baseline"])))
+        return show(RunFigure(results.ranking(parts, numbers.pens, numbers.names.shorten), [], DOTS, ended), counter)
+    baselines = ", ".join(map(numbers.names.shorten, dict.fromkeys(ended["baseline"])))
     number, most = ended["estimator"].nunique(), results.MOST
     some = f" Shown are the {most} of {number} that ran in the most scenarios." * (number > most)
     caption = (
         f"Position RMSE of every estimator divided by that of the baseline ({baselines}): a mark for each scenario, a "
         f"bar at their median; left of the dotted line the error is smaller. {HOLLOW}.{some}"
     )
-    drawn = results.overview(numbers.table, numbers.looks, numbers.names.of)
+    drawn = results.overview(numbers.table, numbers.pens, numbers.names.shorten)
     return show(RunFigure(drawn, [], caption, ended), counter)
 
 
@@ -285,14 +285,14 @@ class Wording(NamedTuple):
             return escape(column.text(row))
         title = Markup(' title="{}"').format(label) if label in self.names.short else ""
         link = Markup('{}<a href="{}"{}>{}</a>')
-        return link.format(self.marks.get(label, ""), self.links[label], title, self.names.of(label))
+        return link.format(self.marks.get(label, ""), self.links[label], title, self.names.shorten(label))
 
 
-def marker(look: style.Look, centralised: bool) -> Markup:
+def marker(pen: style.Pen, centralised: bool) -> Markup:
     """Return the marker of an estimator, as in the figures; grey where it is centralised."""
-    colour = to_hex(style.colour_of({"centralised": centralised}, look))
+    colour = to_hex(style.colour_of({"centralised": centralised}, pen))
     mark = Markup('<span class="mark" aria-hidden="true" style="color: {}">{}</span>')
-    return mark.format(colour, SYMBOLS.get(look.marker, "●"))
+    return mark.format(colour, SYMBOLS.get(pen.marker, "●"))
 
 
 def html(table: Table, wording: Wording | None = None, group: str = "") -> Markup:

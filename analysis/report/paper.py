@@ -103,14 +103,14 @@ def _figures(
     They are `everything` in both widths; or else errors in all scenarios or over a sweep, and in the last scenario
     errors against each cost, once each.
     """
-    looks, ended = style.looks(part.rows["estimator"].unique()), part.rows[part.rows["rmse"].notna()]
-    for width, look in style.PAPER.items() if everything else ():
-        for drawn in draw_experiment(part.rows, part.drawn, numbers.names, looks, look):
+    pens, ended = style.pens(part.rows["estimator"].unique()), part.rows[part.rows["rmse"].notna()]
+    for width, medium in style.PAPER.items() if everything else ():
+        for drawn in draw_experiment(part.rows, part.drawn, numbers.names, pens, medium):
             yield f"{file_name(part.name, *drawn.words)}-{width}col", width, drawn
     for kind in kinds if len(ended) and not everything else ():
         rows = ended if kind == "rmse" else ended[ended["scenario"] == ended["scenario"].iloc[-1]]
         width = 2 if rows["scenario"].nunique() > 1 else 1
-        chosen = draw_experiment(rows, part.drawn, numbers.names, looks, style.PAPER[width], kind)
+        chosen = draw_experiment(rows, part.drawn, numbers.names, pens, style.PAPER[width], kind)
         yield from ((kind, width, drawn) for drawn in islice(chosen, 1))
 
 
@@ -186,7 +186,7 @@ def _tabular(rows: list[Row], cells: list[list[str]], heads: list[str], names: L
         if several and row["scenario"] != before:
             lines.append(rf"\multicolumn{{{len(heads) + 1}}}{{@{{}}l@{{}}}}{{\itshape {tex(row['scenario'])}}} \\*")
         before, marks = row["scenario"], _marks(row)
-        first = tex(names.of(row["estimator"])) + (rf"\textsuperscript{{{','.join(marks)}}}" if marks else "")
+        first = tex(names.shorten(row["estimator"])) + (rf"\textsuperscript{{{','.join(marks)}}}" if marks else "")
         keys = source_keys(row["estimator"])[:1]
         first += rf"~\cite{{{keys[0]}}}" if keys and row["estimator"] not in cited else ""
         cited.add(row["estimator"])
@@ -209,9 +209,9 @@ def pages_of(scenarios: list[str]) -> list[list[int]]:
 
 def _notes(rows: list[Row], chosen: Sequence[str], names: Labels) -> str:
     """Return what a reader needs to understand a table, in small print."""
-    baselines = dict.fromkeys(row["baseline"] for row in rows)
+    baselines = " or ".join(map(names.shorten, dict.fromkeys(row["baseline"] for row in rows)))
     marks = {mark for row in rows for mark in _marks(row)}
-    known = {name: note.format(baseline=" or ".join(map(names.of, baselines))) for name, note in words("notes").items()}
+    known = {name: note.format(baseline=baselines) for name, note in words("notes").items()}
     texts = [*(known[name] for name in chosen if name in known), "In brackets: 95 % intervals over trials"]
     texts += ["Bold: lowest RMSE of those that may be called best, and what ties with it"] * ("rmse" in chosen)
     texts += names.legend(dict.fromkeys([*(row["estimator"] for row in rows), *baselines]))

@@ -73,13 +73,13 @@ def _ends(name: str, form: Callable[[float], str], **layout: Any) -> TableColumn
 RMSE = number_column("RMSE [m]", "rmse", form=metres), _ends("rmse", metres, second_line=True)
 ANEES = number_column("ANEES", "anees", form=ratio), _ends("anees", ratio)
 VERSUS = ("estimator", "baseline")
-WHO = ("estimator", "certificate", "consistency", "centralised", "bound", "offline", "failed", "rmse")
-BEHIND = ("consistency", "centralised", "bound", "offline", "failed", "baseline", "stream")  # a remark, in CSV
+REMARK_FIELDS = ("estimator", "certificate", "consistency", "centralised", "bound", "offline", "failed", "rmse")
+REMARK_KEYS = ("consistency", "centralised", "bound", "offline", "failed", "baseline", "stream")  # a remark, in CSV
 RARE: dict[str, Any] = {"collapsed": True, "rare": True}
 RESULTS = (
     text_column("scenario", report_only=True),
     text_column("estimator"),
-    text_column("remark", *BEHIND, of=WHO, form=remark, second_line=True),
+    text_column("remark", *REMARK_KEYS, of=REMARK_FIELDS, form=remark, second_line=True),
     text_column("senses", second_line=True),
     text_column("checks", "certificate", form=short_certificate),
     *RMSE,

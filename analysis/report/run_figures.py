@@ -30,25 +30,25 @@ class RunFigure(NamedTuple):
 
 
 def draw_experiment(
-    rows: pd.DataFrame, drawn: list[str], names: Labels, looks: results.Looks, look: style.Style, kind: str = ""
+    rows: pd.DataFrame, drawn: list[str], names: Labels, pens: results.Pens, medium: style.Style, kind: str = ""
 ) -> Iterator[RunFigure]:
     """Draw rows of `compare` with floors: every sweep, the scenarios `drawn` side by side, and three against cost.
 
     A `kind` of figure is drawn alone: "rmse", or one of `OTHERS`.
     """
     ended = dict(list(rows[rows["rmse"].notna()].groupby("scenario", sort=False)))
-    labels, several = list(dict.fromkeys(rows["scenario"])), look.width > 4
+    labels, several = list(dict.fromkeys(rows["scenario"])), medium.width > 4
     for (family, parameter), group in group_by_sweep(labels).items() if kind in ("", "rmse") else ():
         part = rows[rows["scenario"].isin(group)]
         if parameter and part["rmse"].notna().any():
-            figure = results.sweep_panels(part, looks, names.of, look)
+            figure = results.sweep_panels(part, pens, names.shorten, medium)
             yield RunFigure(figure, [family, parameter], OVER.format(parameter, family, HOLLOW), part)
     shown, across = [label for label in drawn if label in ended], 3 if several else 1
     for i in range(0, len(shown), across) if kind in ("", "rmse") else ():
         parts = [ended[label] for label in shown[i : i + across]]
-        yield RunFigure(results.ranking(parts, looks, names.of, look), ["rmse", shown[i]], DOTS, pd.concat(parts))
+        yield RunFigure(results.ranking(parts, pens, names.shorten, medium), ["rmse", shown[i]], DOTS, pd.concat(parts))
     for label in filter(ended.__contains__, first_middle_last(drawn or labels) if kind != "rmse" else ()):
         for others in [(kind,)] if kind else [tuple(OTHERS)] if several else [(other,) for other in OTHERS]:
-            figure = results.scatter(ended[label], others, looks, names.of, look)
+            figure = results.scatter(ended[label], others, pens, names.shorten, medium)
             caption = AGAINST.format(", ".join(OTHERS[other] for other in others), label, HOLLOW)
             yield RunFigure(figure, ["-".join(others), label], caption, ended[label])

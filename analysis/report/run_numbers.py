@@ -29,13 +29,14 @@ class Labels(NamedTuple):
     short: dict[str, str]  # by the estimator's full label
     settings: dict[str, str]  # letter -> parameters that it stands for
 
-    def of(self, label: str) -> str:
+    def shorten(self, label: str) -> str:
         """Return the short label, or the label itself."""
         return self.short.get(label, shorten_labels(label))
 
     def legend(self, labels: Iterable[str]) -> list[str]:
         """Return the letters in these estimators' labels, each with the parameters that it stands for."""
-        used = {self.of(label).rpartition(" [")[2].removesuffix("]") for label in labels if self.of(label) != label}
+        named = [(label, self.shorten(label)) for label in labels]
+        used = {short.rpartition(" [")[2].removesuffix("]") for label, short in named if short != label}
         return [f"[{letter}] {settings}" for letter, settings in self.settings.items() if letter in used]
 
 
@@ -72,7 +73,7 @@ class Numbers(NamedTuple):
     kept: StoredRun
     table: pd.DataFrame  # of `compare`
     results: TrialTable
-    looks: dict[str, style.Look]
+    pens: dict[str, style.Pen]
     names: Labels
 
 
@@ -84,7 +85,7 @@ def numbers_of(kept: StoredRun) -> Numbers:
     study = kept.manifest["study"]
     variants = {key: text for one in (*study.get("also", ()), study) for key, text in one.get("variants", {}).items()}
     names = short_labels(estimators, variants)
-    return Numbers(kept, table, collect(kept.rows, ANYTIME if kept.looks else FIXED), style.looks(estimators), names)
+    return Numbers(kept, table, collect(kept.rows, ANYTIME if kept.looks else FIXED), style.pens(estimators), names)
 
 
 def rows_of_experiment(table: pd.DataFrame, plan: Mapping[str, list[str]]) -> pd.DataFrame:

@@ -32,7 +32,7 @@ class PlainConsole(Console):
 PIPED, UNLIMITED = 100, 400  # characters that a table may be wide in a file or a pipe; with every column
 
 
-def wide(stderr: bool = False, every: bool = False) -> Console:
+def make_console(stderr: bool = False, every: bool = False) -> Console:
     """Return a console as wide as the terminal, which breaks lines between words.
 
     In a file or a pipe sentences are as long as they are, for other programs, and tables as wide as a page, or, with
@@ -52,7 +52,7 @@ class TerminalProgress:
 
     def __init__(self) -> None:
         self.total, self.done, self.failed, self._said = 0, 0, 0, time.monotonic()
-        self._console = wide(stderr=True)
+        self._console = make_console(stderr=True)
         text = TextColumn("{task.description}", markup=False)
         columns = (BarColumn(bar_width=16), MofNCompleteColumn(), TimeRemainingColumn(compact=True), text)
         self._bar = Progress(*columns, console=self._console, transient=True, disable=not self._console.is_terminal)

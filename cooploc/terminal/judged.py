@@ -11,7 +11,7 @@ from cooploc.analysis.metrics.trajectories import drift_and_heading, judge_traje
 from cooploc.analysis.report.tables import csv_text
 from cooploc.estimators.errors import BadInput
 from cooploc.terminal import tables
-from cooploc.terminal.console import wide
+from cooploc.terminal.console import make_console
 
 ONCE = ("estimator", "name", "ticks", "rmse", "rpe", "heading", "anees", "coverage95")
 
@@ -29,8 +29,8 @@ def show_trajectories(
     rows = pd.concat([rows[rows["estimator"] == name] for name in mean.index[order]], ignore_index=True)
     table = compare(rows, best, full=True)
     robots = whole[list(ONCE)].rename(columns={"ticks": "poses", "estimator": "method", "name": "robot"})
-    tables.table(table, rows, as_json, every_column, legend)
-    console = wide(stderr=as_json)
+    tables.show_table(table, rows, as_json, every_column, legend)
+    console = make_console(stderr=as_json)
     if not as_json:
         if pieces > 1:
             console.print(f"trials are {pieces} pieces of the recording, one after the other and not independent")

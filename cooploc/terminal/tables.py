@@ -38,7 +38,7 @@ from cooploc.estimators.registry import shorten_labels
 from cooploc.scenarios.conformance import Report
 from cooploc.scenarios.recordings.scenario import NO_ORDER
 from cooploc.scenarios.studies.study import Study, stream_sentence
-from cooploc.terminal.console import wide
+from cooploc.terminal.console import make_console
 
 ONE_PROCESS = "all or some of this ran in one process (--no-isolate): estimators may have disturbed each other"
 IN_ONE_PICTURE = 12  # scenarios; `cooploc report` draws one of each experiment
@@ -58,13 +58,13 @@ def show_results(
     found: pd.DataFrame, rows: pd.DataFrame, folder: Path, as_json: bool, every_column: bool, legend: bool, sort: str
 ) -> None:
     """Print the results of a run by rising `sort`, then failures, where the files are, and what to do next."""
-    manifest, console = RunDir(folder).manifest, wide(stderr=as_json)
+    manifest, console = RunDir(folder).manifest, make_console(stderr=as_json)
     notes = manifest.get("recordings", {})
     parts = _by_scenario(found)
     weak = {name: [text for text in notes.get(name, []) if NO_ORDER in text] for name, _ in parts}
     if not as_json:
         found = pd.concat([sort_rows(part, STUDY if weak[name] else sort) for name, part in parts])
-    table(found, rows, as_json, every_column, legend)
+    show_table(found, rows, as_json, every_column, legend)
     for name, part in _by_scenario(found) if manifest.get("data") is not None else []:
         for text in recording_lines(part, weak[name]):
             console.print(text)
@@ -100,11 +100,11 @@ def _by_scenario(table: pd.DataFrame) -> list[tuple[str, pd.DataFrame]]:
     return [(str(name), part) for name, part in table.groupby("scenario", sort=False)]
 
 
-def table(
+def show_table(
     table: pd.DataFrame, rows: pd.DataFrame, as_json: bool, every_column: bool = False, legend: bool = False
 ) -> None:
     """Print the table of `compare`, or JSON alone on stdout, and what a reader must know of it."""
-    console = wide(stderr=as_json, every=every_column)
+    console = make_console(stderr=as_json, every=every_column)
     if as_json:
         print(json.dumps(records(table), indent=1))
     else:
@@ -186,7 +186,7 @@ CONTENT_COLUMNS = (
 
 def show(run: str | PathLike[str]) -> None:
     """Print what a run, by its directory or its `Results`, holds, what is missing, and what failed and why."""
-    folder, held, console = Path(run), read_run(Path(run), empty=True), wide()
+    folder, held, console = Path(run), read_run(Path(run), empty=True), make_console()
     manifest, decisions, certificates = held.manifest, held.decisions, held.manifest["certificates"]
     verdicts = {(one["scenario"], one["estimator"]): one for one in (decisions or {"comparison": []})["comparison"]}
     ended = held.rows.drop_duplicates(["scenario", "estimator", "trial"])
@@ -247,7 +247,7 @@ def show_verdicts(
     verdicts: pd.DataFrame, ledger: ledgers.Ledger, every_column: bool = False, legend: bool = False
 ) -> None:
     """Print a table for every claim, then the readings, and how many verdicts may be false."""
-    console, skipped = wide(every=every_column), []
+    console, skipped = make_console(every=every_column), []
     console.print(ledger.paper)
     for claim, part in verdicts.groupby("claim", sort=False):
         if (part["verdict"] == "not run").all():
@@ -274,7 +274,7 @@ def show_interpretations(found: pd.DataFrame, every_column: bool = False, legend
     """Print in how many readings of the paper each claim holds, where a run holds more than one."""
     if found["preset"].all():
         return
-    console, counts = wide(every=every_column), shares(found)
+    console, counts = make_console(every=every_column), shares(found)
     console.print("\nThe claims over all readings of the paper that were run", style="bold")
     console.print(claim_tables.over_readings(counts).terminal())
     for row in counts.to_dict("records"):
@@ -287,7 +287,7 @@ def show_paper(example: Path) -> None:
     """Say where a paper's figures and tables are, and how to look at them."""
     folder, latex, make = example.parent, example.read_text("utf-8"), f"pdflatex {example.stem}"
     counts = {"figure": latex.count(r"\includegraphics"), "table": latex.count(r"\input{tables/")}
-    wide().print(
+    make_console().print(
         f"paper: {folder}\n"
         f"in it: {', '.join(count_of(number, noun) for noun, number in counts.items())}, estimators.bib\n"
         f"to see them all: cd {folder} && {make} && bibtex {example.stem} && {make} && {make}\n"
@@ -299,7 +299,7 @@ def show_changes(title: str, settings: list[str], found: pd.DataFrame, said: lis
     """Print what changed between two runs; rows and columns that did not only where `everything` is asked for."""
     from cooploc.analysis.report import run_diff
 
-    console = wide(every=everything)
+    console = make_console(every=everything)
     for text in (title, *settings, ""):
         console.print(text)
     shown = found if everything else found[found["verdict"] != run_diff.SAME]
@@ -311,7 +311,7 @@ def show_changes(title: str, settings: list[str], found: pd.DataFrame, said: lis
 
 def show_reproduced(found: pd.DataFrame, differences: list[str]) -> None:
     """Print which trials of a report came out bit-equal."""
-    console = wide()
+    console = make_console()
     shown = found.drop(columns="equal").rename(columns={"before": "RMSE then [m]", "after": "now [m]"})
     console.print(frame("Trials that were run again", shown, digits=9).terminal())
     equal = found["equal"].sum()
@@ -322,7 +322,7 @@ def show_reproduced(found: pd.DataFrame, differences: list[str]) -> None:
 
 def show_plan(found: pd.DataFrame, difference: float, jobs: int) -> None:
     """Print the trials of each comparison, and the time of all."""
-    console = wide()
+    console = make_console()
     forms = {"change": change, "trials": count, "until_decided": count}
     texts = {name: found[name].map(form) for name, form in forms.items()}
     console.print(frame("", found.assign(**texts).filter(["scenario", "estimator", "baseline", *forms])).terminal())
@@ -340,7 +340,7 @@ def show_tuning(
     history: pd.DataFrame, gains: pd.DataFrame, orders: Mapping[str, pd.DataFrame], record: dict[str, Any]
 ) -> None:
     """Print what was chosen, what it bought, and whether the order changed."""
-    console = wide()
+    console = make_console()
     console.print(tuning_tables.chosen_table(history, record["tuned"]).terminal())
     console.print()
     for scenario, part in gains.groupby("scenario", sort=False):
@@ -357,7 +357,7 @@ def show_tuning(
 
 def show_checks(report: Report) -> None:
     """Print the results, how many of the checks passed, failed and were skipped, and what to do next."""
-    console, go_on = wide(), f"cooploc run quick --estimators mrsl-rssi,{report.name}"
+    console, go_on = make_console(), f"cooploc run quick --estimators mrsl-rssi,{report.name}"
     found = [{"check": r.check, "result": r.status, "what was found": str(r)} for r in report.results]
     console.print(frame("checks", pd.DataFrame(found)).terminal())
     console.print(report.summary())
@@ -375,7 +375,7 @@ ROLES = {"offline": "offline: neither ranked nor best", "bound": "a bound", "cen
 def show_list(kind: str, listed: pd.DataFrame) -> None:
     """Print the table of `cl.estimators()`, `cl.scenarios()`, ... of that kind, then plug-ins that cannot be used."""
     broken = listed["problem"] != "" if "problem" in listed else pd.Series(False, listed.index)
-    rows, console = [], wide()
+    rows, console = [], make_console()
     for row in listed[~broken].to_dict("records"):
         shown: dict[Any, Any] = {"name": row.get("labels", row["name"])}
         if kind == "studies":
@@ -398,7 +398,7 @@ MOST = 40  # rows of a table; `cl.inspect` has all
 
 def show_inspection(found: Any, files: Sequence[Path]) -> None:
     """Print the tables of an inspection, its findings, and the files that were written."""
-    say, inspected, log = wide().print, found.inspected, files[-1].parent / "log.toml"
+    say, inspected, log = make_console().print, found.inspected, files[-1].parent / "log.toml"
     say(f"{inspected.path}: {inspected.format} ({inspected.why}), runs: {', '.join(inspected.runs)}\n")
     units = {"rate": "rate [Hz]", "first": "from [s]", "last": "to [s]", "longest": "longest [s]"}
     series = found.series.drop(columns="source").rename(columns=units)

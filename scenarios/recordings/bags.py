@@ -145,7 +145,7 @@ class TopicSeries(NamedTuple):
     columns: tuple[str, ...]
     clock: str  # "header" or "receipt": whose stamps `time` are
 
-    def of(self, *names: str, table: str = "odometry") -> Array:
+    def select(self, *names: str, table: str = "odometry") -> Array:
         """Return columns (m, k) by name, for a table of log.toml."""
         if not {*names} <= {*self.columns}:
             there, lacking = ", ".join(self.columns), ", ".join(names)
@@ -263,7 +263,7 @@ def topics_of(source: schema.Source, robots: Sequence[str], others: Sequence[str
 def values_of(table: schema.ReadingColumns, series: TopicSeries) -> tuple[Array, Array]:
     """Return times and values (m, k) of one topic of measurements."""
     if isinstance(table, schema.SightingsTable):
-        x, y, z = series.of("x [m]", "y [m]", "z [m]", table="sightings").T
+        x, y, z = series.select("x [m]", "y [m]", "z [m]", table="sightings").T
         if series.type != "geometry_msgs/msg/PoseArray":
             return series.time, np.stack([np.hypot(x, y), np.arctan2(y, x)], -1)
         _, first, n = np.unique(series.time, return_index=True, return_counts=True)
@@ -298,7 +298,7 @@ def read_run(place: Path, name: str, description: TeamDescription) -> TeamLog:
                 if robot in series[named]:
                     both = f"{series[named][robot].source} and {topic}"
                     raise BadInput(f"robot {robot!r} has two topics in [{named}], {both}; choose")
-                values = found[topic].of(*columns, table=named)
+                values = found[topic].select(*columns, table=named)
                 series[named][robot], notes = order_series(found[topic].time + table.clock_offset, values, topic)
                 warnings += notes
     readings: dict[Kind, list[Measured]] = {}

@@ -141,7 +141,7 @@ class EstimatorError(RuntimeError):
 Watcher = Callable[[str, int, tuple[Any, ...], Any], Any]
 
 
-def drive(
+def make_loop(
     name: str, estimator: Any, stream: Stream, watch: Watcher | None = None, rows: Rows | None = None
 ) -> "Robots | Team | Offline":
     """Return the object that runs an estimator tick by tick: call `start` first, then `tick` by number."""
@@ -150,7 +150,7 @@ def drive(
     return kind(name, estimator, stream, watch, rows)
 
 
-class _Drive:
+class _Loop:
     """The part of a tick that all kinds of estimators share."""
 
     team: ClassVar[bool]
@@ -213,7 +213,7 @@ class _Drive:
         return Belief(*belief)
 
 
-class Robots(_Drive):
+class Robots(_Loop):
     """An estimator on one row per (trial, robot); mail is carried between the rows of a trial."""
 
     team = False
@@ -255,7 +255,7 @@ class Robots(_Drive):
         return Mail(*(freeze(a) for a in mail)), count(sent, np.ones((t, n), bool))
 
 
-class Team(_Drive):
+class Team(_Loop):
     """An estimator with one state for the whole team; arrays are (trial, n, ...)."""
 
     team = True
@@ -279,7 +279,7 @@ class Team(_Drive):
         return self.belief(k), traffic
 
 
-class Offline(_Drive):
+class Offline(_Loop):
     """An estimator that runs over all ticks at once, before tick 0; every tick then shows its part."""
 
     team = True

@@ -15,7 +15,7 @@ from threadpoolctl import ThreadpoolController
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Rows
 from cooploc.estimators.registry import traits
-from cooploc.scenarios.runner.tick import EstimatorError, IncompatibleEstimator, Watcher, drive, senses, visible
+from cooploc.scenarios.runner.tick import EstimatorError, IncompatibleEstimator, Watcher, make_loop, senses, visible
 from cooploc.scenarios.stream import Stream
 
 COMPILING = "numba:compiler_lock"  # numba's event around compiling a kernel, or reading it from disk
@@ -87,7 +87,7 @@ def trace(
     rows: Rows | None = None,  # that the seed makes, of a stream that does not say its seed
 ) -> Trace:
     """Run one estimator on every trial of a stream, in this process."""
-    running = drive(name, estimator, visible(name, estimator, stream), watch, rows)
+    running = make_loop(name, estimator, visible(name, estimator, stream), watch, rows)
     t, T, n = stream.senses.dt.shape
     d = stream.prior.x.shape[-1]
     x, P = np.empty((t, T, n, d)), np.empty((t, T, n, d, d))
@@ -117,7 +117,7 @@ def require_fit(name: str, estimator: Any, stream: Stream) -> None:
     """Refuse an estimator that cannot run on such a stream at all."""
     seen = visible(name, estimator, stream)
     try:
-        drive(name, estimator, seen).start()
+        make_loop(name, estimator, seen).start()
     except BadInput as e:
         raise IncompatibleEstimator(f"{name} on scenario {stream.scenario!r}: {e}") from None
     except Exception:

@@ -7,7 +7,7 @@ import pytest
 from oracles import dense_posterior, linear_team
 
 import cooploc as cl
-from cooploc.scenarios.runner.tick import drive
+from cooploc.scenarios.runner.tick import make_loop
 
 TICKS = 6
 TREE = [(1, 0, 1), (3, 2, 1), (4, 3, 0)]  # tick, who reads, who is read: two robots never meet twice
@@ -15,7 +15,7 @@ TREE = [(1, 0, 1), (3, 2, 1), (4, 3, 0)]  # tick, who reads, who is read: two ro
 
 def _settled(estimator, stream, rounds, kept=None):
     """The last tick's belief (t, n, ...) after so many further exchanges; `kept` (rounds, t, n, n) links hold."""
-    running = drive("gbp", estimator, stream)
+    running = make_loop("gbp", estimator, stream)
     running.start()
     for k in range(len(stream.time)):
         running.tick(k)

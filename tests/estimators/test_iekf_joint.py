@@ -10,7 +10,7 @@ from scipy.linalg import block_diag, expm, logm
 import cooploc as cl
 from cooploc.estimators.kalman import kalman
 from cooploc.estimators.models import Unicycle
-from cooploc.scenarios.runner.tick import drive
+from cooploc.scenarios.runner.tick import make_loop
 
 PLAIN = "ekf-joint[iterations=1,second_order=false,lost=1]"
 
@@ -132,7 +132,7 @@ def _of_heading(x, P):
 
 
 def _last_state(estimator, stream):
-    running = drive("joint", estimator, stream)
+    running = make_loop("joint", estimator, stream)
     running.start()
     for k in range(len(stream.time)):
         running.tick(k)

@@ -118,14 +118,14 @@ def _odometry(wheels: Mapping[str, str], series: Mapping[str, TopicSeries]) -> D
     """Return poses, if their headings turn as their turn rates say and their places change; else velocities."""
     every = [series[topic] for topic in wheels.values()]
     kind, why = "velocity", "the headings of the poses do not turn as the turn rates beside them"
-    if all(map(_turns_as_stated, every)) and any(np.ptp(one.of("x [m]")) > 0.01 for one in every):
+    if all(map(_turns_as_stated, every)) and any(np.ptp(one.select("x [m]")) > 0.01 for one in every):
         kind, why = "pose", "poses lose nothing with a lost message"
     return DraftTable("odometry", (Entry("kind", kind, why, "likely"), _topics(wheels, "its type is Odometry")))
 
 
 def _turns_as_stated(series: TopicSeries) -> bool:
     """Return whether headings change by half to twice the integrated turn rate, or neither turns by a radian in all."""
-    heading, rate = series.of("heading [rad]", "omega [rad/s]").T
+    heading, rate = series.select("heading [rad]", "omega [rad/s]").T
     if not np.isfinite(heading).all() or len(heading) < 2:
         return False
     turned, stated = np.abs(np.diff(np.unwrap(heading))).sum(), np.abs(np.diff(series.time) * rate[1:]).sum()
@@ -142,7 +142,7 @@ def _ranges(
     if len(truth) < 2:
         return DraftTable("ranges", (entry,))
     every = [NodeRanges(x, y, series[t].time, series[t].values[:, 0]) for (x, y), t in ranges.items()]
-    poses = {robot: series[t].of("x [m]", "y [m]", "heading [rad]") for robot, t in truth.items()}
+    poses = {robot: series[t].select("x [m]", "y [m]", "heading [rad]") for robot, t in truth.items()}
     found = assign(every, {robot: Series(series[t].time, poses[robot], t) for robot, t in truth.items()})
     why = (
         f"ranges fit the distances by the truth to {found.residual:.3f} m (median, less a bias of each pair); "

@@ -7,7 +7,7 @@ import pytest
 import cooploc as cl
 from cooploc.analysis.metrics.consistency import band
 from cooploc.analysis.metrics.curves import over_time, sweep, swept
-from cooploc.analysis.metrics.errors import COLUMNS, SCORES, SENSES, errors
+from cooploc.analysis.metrics.errors import COLUMNS, OPTIONAL_COLUMNS, SENSES, errors
 from cooploc.scenarios.runner.run import Run
 from cooploc.scenarios.runner.trace import Trace
 from cooploc.scenarios.stream import Truth
@@ -31,7 +31,7 @@ def constant_error(offset, T=8, P=None):
 
 def test_a_constant_error_by_hand():
     row = errors(*constant_error([3.0, 4.0], P=np.diag([9.0, 16.0]))).iloc[0]
-    assert list(row.index) == [*COLUMNS, *SCORES, SENSES]
+    assert list(row.index) == [*COLUMNS, *OPTIONAL_COLUMNS, SENSES]
     assert (row[["rmse", "mean_error", "median_error", "max_error", "final_error"]] == 5).all()
     assert row["mse"] == 25
     assert row["anees"] == pytest.approx(1.0)  # (9/9 + 16/16) / 2

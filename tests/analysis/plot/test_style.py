@@ -12,20 +12,20 @@ from cooploc.estimators import BUILTIN
 
 
 def test_every_built_in_estimator_has_a_look_of_its_own_whatever_else_is_shown():
-    found = style.looks(BUILTIN)
+    found = style.pens(BUILTIN)
     assert len(set(found.values())) == len(BUILTIN)
     markers = {look.marker for look in found.values()}
     assert len(markers) >= min(24, len(BUILTIN))  # differ in grey print
     assert all(MarkerStyle(marker).is_filled() for marker in markers)  # can be hollow
-    assert style.looks(["ekf-ci", "arl"]) == {name: found[name] for name in ("ekf-ci", "arl")}
+    assert style.pens(["ekf-ci", "arl"]) == {name: found[name] for name in ("ekf-ci", "arl")}
 
 
 def test_variants_have_the_hue_of_their_method_and_others_their_own():
     names = ["arl[K=1]", "mine", "arl", "arl[K=2]", "yours"]
-    found = style.looks(names)
+    found = style.pens(names)
     assert list(found) == names
     assert len({(look.colour, look.marker) for look in found.values()}) == 5
-    assert found["arl"] == style.looks(BUILTIN)["arl"]
+    assert found["arl"] == style.pens(BUILTIN)["arl"]
     red, green, blue = to_rgb(found["arl[K=1]"].colour)
     assert red < green < blue  # as the blue of arl
     assert {found["mine"].colour, found["yours"].colour} <= set(style.OTHERS)

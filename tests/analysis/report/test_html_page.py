@@ -106,7 +106,7 @@ def test_variants_share_a_panel_and_every_estimator_has_one(swept):
     table = compare(swept, "base", full=True).assign(floor=0.01)
     names = ["arl", "arl[K=1]", "arl[M=1]", "b", "c", "d[x=1]", "e"]
     table = pd.concat([table[table["estimator"] == "base"].assign(estimator=name) for name in names])
-    panels = results.sweep_panels(table, style.looks(names), str).axes
+    panels = results.sweep_panels(table, style.pens(names), str).axes
     assert [ax.get_title(loc="left") for ax in panels] == ["arl", "b", "c", "d[x=1]", "e"]
     assert set(names[:3]) < set(panels[0].get_legend_handles_labels()[1])
 

@@ -27,7 +27,7 @@ def rows():
 
 
 def test_markers_differ_where_those_of_the_figures_do():
-    assert len({html_page.marker(look, False) for look in style.looks(BUILTIN).values()}) == len(BUILTIN) > 20
+    assert len({html_page.marker(look, False) for look in style.pens(BUILTIN).values()}) == len(BUILTIN) > 20
 
 
 def test_parameters_that_scenarios_share_are_said_once_and_others_with_their_values(rows):

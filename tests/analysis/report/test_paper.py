@@ -118,13 +118,13 @@ def test_a_long_label_is_short_and_equal_settings_have_equal_letters():
     assert len("arl[K=1]") <= LONGEST < len(names[2])
 
     label = "mrsl-rssi[density=exact,M=1,K=3]"
-    assert short_labels([label], {"consistent": "K=3, density=exact,M=1"}).of(label) == "mrsl-rssi [consistent]"
+    assert short_labels([label], {"consistent": "K=3, density=exact,M=1"}).shorten(label) == "mrsl-rssi [consistent]"
 
 
 def test_a_study_that_includes_another_has_its_names_of_parameters(tmp_path):
     rows = rows_of("nlos[ticks=8]", {"arl": (1.0, 1.0), LONG: (0.5, 1.1)})
     block = {"variants": {"raw": LONG.partition("[")[2].removesuffix("]")}}
-    assert numbers_of(kept_from(rows, tmp_path, also=[block])).names.of(LONG) == "mrsl-rssi [raw]"
+    assert numbers_of(kept_from(rows, tmp_path, also=[block])).names.shorten(LONG) == "mrsl-rssi [raw]"
 
 
 @pytest.mark.parametrize("name", [name for name in BUILTIN if paper.source_keys(name)])
