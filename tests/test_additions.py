@@ -1,4 +1,4 @@
-"""One line adds an estimator, a world, a recording, a statistic or a figure: tried in a copy of the source."""
+"""One line adds an estimator, a world, a recording or its format, a statistic or a figure: tried in a copy."""
 
 import os
 import shutil
@@ -41,7 +41,30 @@ class Hall(Paper):
 
     side: float = 9.0
 '''
+FORMAT = '''"""Recordings of one robot on a straight line."""
+
+from pathlib import Path
+
+import numpy as np
+
+from cooploc.scenarios.recordings.schema import TeamDescription
+from cooploc.scenarios.recordings.team_log import Places, Series, TeamLog
+
+
+def find_runs(data: Path, description: TeamDescription) -> dict[str, Path]:
+    """Return every run by name."""
+    return {path.stem: path for path in sorted(data.glob("*.line"))}
+
+
+def read_run(place: Path, name: str, description: TeamDescription) -> TeamLog:
+    """Read the speed [m/s] of a minute."""
+    time, nowhere = np.arange(0.0, 60.0, 0.1), Places((), np.empty((0, 2)))
+    along, still = float(place.read_text()) * time, np.zeros_like(time)
+    truth = Series(time, np.stack([along, still, still], -1), place.name)
+    return TeamLog(name, ("red",), "pose", (truth,), (truth,), {}, nowhere, nowhere)
+'''
 ADDITIONS = {
+    "scenarios/recordings/line.py": FORMAT,
     "estimators/still.py": ESTIMATOR,
     "scenarios/worlds/hall.py": WORLD,
 }
@@ -52,6 +75,7 @@ LINES = {  # file -> a line that stands there, and the one that is added before 
         '    "hall": Family("a larger arena", "cooploc.scenarios.worlds.hall:Hall"),\n'
         '    "tape": Family("a recording of robots", "cooploc.scenarios.recordings.mrclam:Mrclam", recorded=True),\n',
     ),
+    "scenarios/recordings/schema.py": ('    "mrclam": "mrclam",', '    "line": "line",\n'),
     "analysis/metrics/compare.py": (
         '    "mean_error": Statistic(',
         '    "largest_error": Statistic("largest error of a trial", lambda cell: cell.trials["mean_error"].max()),\n',
@@ -68,7 +92,13 @@ LINES = {  # file -> a line that stands there, and the one that is added before 
     ),
 }
 USE = """
+from pathlib import Path
 import cooploc as cl
+from cooploc.scenarios.recordings.scenario import TeamFolder
+Path("straight").mkdir()
+Path("straight/fast.line").write_text("2.0")
+Path("straight/log.toml").write_text('format = "line"')
+assert TeamFolder(Path("straight")).log("fast").truth[0].values[-1, 0] == 2 * 59.9
 assert "still" in set(cl.estimators()["name"]) and {"hall", "tape"} <= set(cl.scenarios()["name"])
 truth, stream = cl.simulate("hall", trials=3, ticks=5)
 errors = cl.errors(truth, cl.run("still,dead-reckoning", stream))

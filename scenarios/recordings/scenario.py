@@ -40,7 +40,6 @@ from cooploc.scenarios.recordings.team_log import TeamLog, arena_around
 from cooploc.scenarios.stream import Stream, Truth
 from cooploc.scenarios.worlds.radio import Positive
 
-MODULES = {"csv": "csv_files", "bag": "bags", "pyfg": "pyfg", "mrclam": "mrclam"}
 ALL = "all"  # in the place of a run's name
 SAME = 0.5  # share of equal true positions from which on two runs are parts of one recording
 NO_ORDER = "ranks no estimators"  # in a sentence of `explanations`
@@ -55,7 +54,7 @@ def reader(form: str) -> Any:
     It has `find_runs(data, description)` -> {name: place}, sorted by name, and `read_run(place, name, description)` ->
     `TeamLog` in SI units, with the declared clock offsets added and the declared frame undone.
     """
-    return import_module(f"{__package__}.{MODULES[form]}")
+    return import_module(f"{__package__}.{schema.FORMATS[form]}")
 
 
 class TeamFolder:

@@ -259,7 +259,13 @@ class PlacesTable(Strict):
 NAME = "log.toml"
 EXAMPLE = "cooploc inspect DIR writes such a file"
 
-Format = Literal["csv", "bag", "pyfg", "mrclam"]
+FORMATS = {  # by name, the module beside this one that reads it
+    "csv": "csv_files",
+    "bag": "bags",
+    "pyfg": "pyfg",
+    "mrclam": "mrclam",
+}
+Format = Literal[*FORMATS]  # type: ignore[valid-type]
 
 
 class Sample(Strict):
@@ -350,7 +356,7 @@ class TeamDescription(Strict):
     @model_validator(mode="after")
     def _has_sources(self) -> Self:
         sources = [s for s in (self.odometry, self.truth, *self.ranges, *self.rssi, *self.sightings) if s]
-        if self.format in ("pyfg", "mrclam"):
+        if self.format not in ("csv", "bag"):
             if sources:
                 raise ValueError(
                     f'format = "{self.format}" says itself where everything is; remove [odometry], [truth] ...'
