@@ -29,17 +29,17 @@ from cooploc.scenarios import resolve
 from cooploc.scenarios.scenario import split_family
 
 PAGE = "index.html"
-EACH = 3  # trials that a report embeds of every scenario
+EACH, MANY = 3, 20  # trials that a report embeds of every scenario; of more scenarios it embeds one trial each
 VALUES: tuple[str, ...] = ("ticks", "mse", "mean_error", "median_error", "max_error", "final_error")
 VALUES += ("anees", "coverage95", "diverged", "pose_nees", "messages", "bytes")
 
 
 def sample(run: StoredRun) -> list[dict[str, Any]]:
     """Return digests and RMSE of every estimator in a few trials of each scenario, drawn by the scenario's name."""
-    out = []
+    out, each = [], EACH if run.rows["scenario"].nunique() <= MANY else 1
     for scenario, part in run.rows.groupby("scenario", sort=False):
         trials = np.unique(part["trial"])
-        drawn = np.random.default_rng(list(hashlib.sha256(str(scenario).encode()).digest())).permutation(trials)[:EACH]
+        drawn = np.random.default_rng(list(hashlib.sha256(str(scenario).encode()).digest())).permutation(trials)[:each]
         for (estimator, trial), rows in part[part["trial"].isin(drawn)].groupby(["estimator", "trial"], sort=False):
             out.append({"scenario": scenario, "estimator": estimator, "trial": int(str(trial)), **_fingerprint(rows)})
     return out

@@ -84,11 +84,14 @@ def rank_groups(mse: pd.DataFrame, stopping: Stopping = FIXED) -> tuple[dict[str
     """Return mean ranks of estimators and their `letters`, from squared errors (trial, estimator).
 
     No ranks in a run that may have stopped at any look, whose estimators have different numbers of trials; no letters
-    below two estimators or `statistics.LEAST_TRIALS` trials.
+    below two estimators or `statistics.LEAST_TRIALS` trials, or where the alphabet is too short.
     """
     ranks = mse.rank(axis=1).mean().to_dict() if stopping is FIXED else {}
-    enough = len(mse) >= statistics.LEAST_TRIALS and mse.shape[1] > 1
+    enough = len(mse) >= statistics.LEAST_TRIALS and 1 < mse.shape[1] <= MOST_LETTERS
     return {str(name): float(r) for name, r in ranks.items()}, letters(mse, stopping) if enough else {}
+
+
+MOST_LETTERS = 52  # of the alphabet, in both cases
 
 
 def letters(mse: pd.DataFrame, stopping: Stopping = FIXED) -> dict[str, str]:
@@ -137,5 +140,8 @@ def _letters(names: list[str], p: Array, alpha: float) -> dict[str, str]:
     square = np.ones((len(names), len(names)))
     for (i, j), one in zip(combinations(range(len(names)), 2), np.nan_to_num(p, nan=1.0), strict=True):
         square[i, j] = square[j, i] = one
-    found = scikit_posthocs.compact_letter_display(pd.DataFrame(square, names, names), alpha=alpha)
+    try:
+        found = scikit_posthocs.compact_letter_display(pd.DataFrame(square, names, names), alpha=alpha)
+    except ValueError:  # there are more groups
+        return {}
     return {str(name): str(marks).replace(" ", "") for name, marks in found.items()}

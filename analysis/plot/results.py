@@ -298,7 +298,9 @@ def draw_curves(
         ax.set_ylim(0.8 * low, 1.25 * high)
     values = sorted(set(part["value"]))
     if len(values) <= 8:
-        ax.set_xticks(values, [f"{value:g}" for value in values])
+        apart = 0.07 * (values[-1] - values[0])  # closer ones would be written over each other
+        said = [value for value, after in zip(values, [*values[1:], np.inf], strict=True) if after - value >= apart]
+        ax.set_xticks(values, [f"{value:g}" if value in said else "" for value in values])
 
 
 def draw_against(ax: Axes, part: pd.DataFrame, other: str, pens: Pens) -> None:

@@ -46,6 +46,8 @@ from cooploc.scenarios.studies.study import Study, stream_sentence
 FEW = 4  # scenarios that the first figure of a page draws side by side
 BELOW = "95 %", "remark"  # heads of columns that stand below their left neighbour
 SYMBOLS = dict(zip(style.MARKERS, "✖●■◆▲▼✚★⬟⬢◀▶♦⯃⬣✦✧✶⅄⋏✯✺≻", strict=False))  # of the figures' markers
+PLAIN = r"([-+]?\d+(\.\d+)?( %)?)?"  # what the page's script reads as a number
+MOST_BYTES = 2_000_000  # of a page
 FORMS = {"tex": "latex", "md": "markdown", "csv": "csv"}  # ending of a file -> method of `Table`
 FLOOR_PATHS, FLOOR_TRIALS = 16, 8  # over which a floor is taken, in a fifth of the time that one to 0.2 % takes
 
@@ -69,11 +71,33 @@ def write(
     for one in context["tables"]:
         texts |= {f"tables/{one.name}.{ending}": getattr(one, form)() for ending, form in FORMS.items()}
     texts["tables/trials.csv"] = csv_text(rmse_by_trial(numbers.table, numbers.results))
-    texts[PAGE] = render({**context, "files": sorted(texts)})
+    texts |= pages({**context, "files": sorted(texts)})
     (out / "tables").mkdir(parents=True, exist_ok=True)
     for name, text in texts.items():
         (out / name).write_text(text, encoding="utf-8")
     return out / PAGE
+
+
+def pages(context: dict[str, Any]) -> dict[str, str]:
+    """Return the page by its file's name; of one that is too long each experiment is on a page of its own.
+
+    Tables of what is still too long leave the columns that are shown on demand to their files.
+    """
+    page = render(context)
+    if len(page.encode()) <= MOST_BYTES:
+        return {PAGE: page}
+    apart: list[dict[str, Any]] = context["experiments"] if len(context["experiments"]) > 1 else []
+    back = context["wording"]._replace(links={e: PAGE + at for e, at in context["wording"].links.items()})
+    parts: list[tuple[str, dict[str, Any]]] = [(PAGE, {"apart": bool(apart)})]
+    for one in apart:
+        labels = {what: list(dict.fromkeys(row[what] for row in one["tables"][0].rows)) for what in context["labels"]}
+        parts.append((f"{one['anchor']}.html", {"only": one, "wording": back, "labels": labels}))
+    texts = {name: render({**context, **changed}) for name, changed in parts}
+    for name, changed in parts:
+        if len(texts[name].encode()) > MOST_BYTES:
+            few = changed.get("wording", context["wording"])._replace(collapsed=False)
+            texts[name] = render({**context, **changed, "wording": few})
+    return texts
 
 
 def render(context: dict[str, Any], body: str = "body.html.j2") -> str:
@@ -116,6 +140,8 @@ def content(numbers: Numbers, ledger: Ledger) -> dict[str, Any]:
         "lowest": shorten_labels(sentences.best_honest(found, table)),
         "over_confident": shorten_labels(sentences.over_confident_estimators(table)),
         "first": first,
+        "apart": False,  # whether experiments are on pages of their own
+        "only": None,  # the experiment of such a page
         "consistency": replace(consistency, columns=tuple(filter(some, consistency.columns))),
         "experiments": experiments,
         "claims": claims,
@@ -180,7 +206,8 @@ def experiment(name: str, plan: dict[str, list[str]], numbers: Numbers, counter:
             changed.append(result_tables.sweep_table(f"{anchor}-sweep{len(changed) + 1}", changes, parameter))
     again = only and part["scenario"].nunique() <= FEW  # the first figure of the page
     single = [] if again else run_numbers.group_by_sweep(list(plan)).get(("", ""), [])
-    drawn = draw_experiment(part, single, numbers.names, numbers.pens, style.PAGE)
+    costly = run_numbers.first_middle_last(single or list(plan))
+    drawn = draw_experiment(part, single, costly if only else costly[-1:], numbers.names, numbers.pens, style.PAGE)
     test = "confidence sequences of the change" if numbers.kept.looks else "t test of the change"
     few = f" Below {LEAST_TRIALS} trials there are no intervals." * bool(part["trials"].min() < LEAST_TRIALS)
     about = (
@@ -249,7 +276,8 @@ def show(drawn: RunFigure, counter: Iterator[int]) -> dict[str, Any]:
 def inline_svg(figure: Figure, number: int, label: str) -> Markup:
     """Return a figure as SVG to be put into a page: own ids, no links, a label.
 
-    It is without ids that nothing uses and empty groups, and with coordinates to a tenth of a point: half as long.
+    It is without ids that nothing uses and empty groups, its coordinates are to a tenth of a point, and what elements
+    look like is said once for all that look so: a quarter as long.
     """
     out = io.StringIO()
     with mpl.rc_context(style.PAGE.rc), warnings.catch_warnings():
@@ -264,8 +292,19 @@ def inline_svg(figure: Figure, number: int, label: str) -> Markup:
     svg = re.sub(r' transform="rotate\(-0 [^"]*\)"', "", svg)
     svg = re.sub(r">\s+<", "><", re.sub(r"\s*\n\s*", " ", svg))
     svg = re.sub(r"<g\b[^<>]*></g>", "", re.sub(r"<g\b[^<>]*/>", "", svg))
-    svg = re.sub(r'(\bid="|url\(#|href="#)', rf"\g<1>f{number}-", svg)
-    return Markup(svg.replace("<svg", f'<svg role="img" aria-label="{escape(label)}"', 1))
+    svg = re.sub(r'(?<= d=")[^"]*', lambda path: re.sub(r" ?([A-Za-z]) ?", r"\1", path[0]), svg)
+    ids: dict[str, int] = {}
+    named = r'(\bid="|url\(#|href="#)([^")]+)'
+    svg = re.sub(named, lambda found: f"{found[1]}f{number}-{ids.setdefault(found[2], len(ids))}", svg)
+    while (plainer := re.sub(r"<g>((?:(?!</?g\b).)*)</g>", r"\1", svg)) != svg:
+        svg = plainer
+    svg = re.sub(r' clip-path="([^"]*)" style="([^"]*)"', r' style="\2; clip-path: \1"', svg)
+    rules: dict[str, str] = {}  # what many elements look like -> its class
+    looks = r'style="([^"]*)"'
+    svg = re.sub(looks, lambda found: f'class="{rules.setdefault(found[1], f"f{number}-c{len(rules)}")}"', svg)
+    css = "".join(f".{name}{{{rule}}}" for rule, name in rules.items())
+    head = f'<svg role="img" aria-label="{escape(label)}"'
+    return Markup(svg.replace("<svg", head, 1).replace(">", f"><style>{css}</style>", 1))
 
 
 # ------------------------------------------------------------------------------------------------ tables
@@ -277,13 +316,14 @@ class Wording(NamedTuple):
     links: Mapping[str, str] = {}  # estimator -> the address of its introduction
     names: Labels = Labels({}, {})
     marks: Mapping[str, Markup] = {}  # estimator -> its marker
+    collapsed: bool = True  # whether tables have the columns that are shown on demand, or leave them to their files
 
     def cell(self, column: TableColumn, row: Row) -> Markup:
         """Return the text of a cell: an estimator with its marker and a link."""
         label = row.get("estimator", "")
         if column.keys[0] != "estimator" or label not in self.links:
             return escape(column.text(row))
-        title = Markup(' title="{}"').format(label) if label in self.names.short else ""
+        title = Markup(' title="{}"').format(label) if self.names.shorten(label) != label else ""
         link = Markup('{}<a href="{}"{}>{}</a>')
         return link.format(self.marks.get(label, ""), self.links[label], title, self.names.shorten(label))
 
@@ -296,23 +336,26 @@ def marker(pen: style.Pen, centralised: bool) -> Markup:
 
 
 def html(table: Table, wording: Wording | None = None, group: str = "") -> Markup:
-    """Return a `<table>` whose cells carry their values as `data-sort`; everything is escaped.
+    """Return a `<table>` whose cells carry as `data-sort` what cannot be read from them; everything is escaped.
 
     Columns that are empty in every row are left out. Neighbouring rows with the same value of the key `group` form a
     group with a head of its own.
     """
+    known = wording or Wording()
     cells: list[dict[str, Any]] = []  # a column with those that stand below it
     for column in table.columns:
-        if column.keys[0] == group or not any(map(column.text, table.rows)):
+        unseen = column.collapsed and not known.collapsed
+        if column.keys[0] == group or unseen or not any(map(column.text, table.rows)):
             continue
         if cells and column.head in BELOW:
             cells[-1]["below"].append(column)
         else:
-            cells.append({"column": column, "below": []})
+            plain = column.right and all(re.fullmatch(PLAIN, column.text(row)) for row in table.rows)
+            cells.append({"column": column, "below": [], "plain": plain})
     grouped = itertools.groupby(table.rows, lambda row: row[group]) if group else [("", table.rows)]
     groups = [(key, list(rows)) for key, rows in grouped]
-    known = {"wording": wording or Wording(), "sort_value": sort_value}
-    return Markup(fill_template("table.html.j2", table=table, group=group, cells=cells, groups=groups, **known))
+    filled = {"table": table, "group": group, "cells": cells, "groups": groups, "wording": known}
+    return Markup(fill_template("table.html.j2", **filled, sort_value=sort_value))
 
 
 def sort_value(value: Any) -> str | None:

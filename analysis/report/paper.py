@@ -105,12 +105,14 @@ def _figures(
     """
     pens, ended = style.pens(part.rows["estimator"].unique()), part.rows[part.rows["rmse"].notna()]
     for width, medium in style.PAPER.items() if everything else ():
-        for drawn in draw_experiment(part.rows, part.drawn, numbers.names, pens, medium):
+        costly = run_numbers.first_middle_last(part.drawn or list(part.rows["scenario"].unique()))
+        for drawn in draw_experiment(part.rows, part.drawn, costly, numbers.names, pens, medium):
             yield f"{file_name(part.name, *drawn.words)}-{width}col", width, drawn
     for kind in kinds if len(ended) and not everything else ():
         rows = ended if kind == "rmse" else ended[ended["scenario"] == ended["scenario"].iloc[-1]]
-        width = 2 if rows["scenario"].nunique() > 1 else 1
-        chosen = draw_experiment(rows, part.drawn, numbers.names, pens, style.PAPER[width], kind)
+        shown = list(rows["scenario"].unique())
+        width = 2 if len(shown) > 1 else 1
+        chosen = draw_experiment(rows, part.drawn, shown, numbers.names, pens, style.PAPER[width], kind)
         yield from ((kind, width, drawn) for drawn in islice(chosen, 1))
 
 

@@ -7,7 +7,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from cooploc.analysis.plot import results, style
-from cooploc.analysis.report.run_numbers import Labels, first_middle_last, group_by_sweep
+from cooploc.analysis.report.run_numbers import Labels, group_by_sweep
 
 HOLLOW = "Hollow: over-confident; grey: centralised"
 OVER = "Position RMSE over {} in {}; bands: 95 % intervals over trials. {}; broken lines: over-confident mostly."
@@ -30,9 +30,15 @@ class RunFigure(NamedTuple):
 
 
 def draw_experiment(
-    rows: pd.DataFrame, drawn: list[str], names: Labels, pens: results.Pens, medium: style.Style, kind: str = ""
+    rows: pd.DataFrame,
+    drawn: list[str],
+    costly: list[str],
+    names: Labels,
+    pens: results.Pens,
+    medium: style.Style,
+    kind: str = "",
 ) -> Iterator[RunFigure]:
-    """Draw rows of `compare` with floors: every sweep, the scenarios `drawn` side by side, and three against cost.
+    """Draw rows of `compare` with floors: every sweep, the scenarios `drawn` side by side, and those `costly` by cost.
 
     A `kind` of figure is drawn alone: "rmse", or one of `OTHERS`.
     """
@@ -47,7 +53,7 @@ def draw_experiment(
     for i in range(0, len(shown), across) if kind in ("", "rmse") else ():
         parts = [ended[label] for label in shown[i : i + across]]
         yield RunFigure(results.ranking(parts, pens, names.shorten, medium), ["rmse", shown[i]], DOTS, pd.concat(parts))
-    for label in filter(ended.__contains__, first_middle_last(drawn or labels) if kind != "rmse" else ()):
+    for label in filter(ended.__contains__, costly if kind != "rmse" else ()):
         for others in [(kind,)] if kind else [tuple(OTHERS)] if several else [(other,) for other in OTHERS]:
             figure = results.scatter(ended[label], others, pens, names.shorten, medium)
             caption = AGAINST.format(", ".join(OTHERS[other] for other in others), label, HOLLOW)

@@ -17,9 +17,10 @@ for (const table of document.querySelectorAll("table.sortable")) {
 }
 function sortRows(body, column, rising) {
   const value = (row) => {
-    const cell = row.cells[column];
-    const number = cell.dataset.sort;
-    return number === undefined ? cell.textContent : number === "" ? null : Number(number.replace("inf", "Infinity"));
+    const cell = row.cells[column], shown = cell.firstChild ? cell.firstChild.textContent : "";
+    const number = cell.dataset.sort ?? (/^[-+]?\d+(\.\d+)?( %)?$/.test(shown) ? shown : undefined);
+    if (number === undefined) return cell.textContent || null;
+    return number === "" ? null : parseFloat(number.replace("inf", "Infinity"));
   };
   const compared = (a, b) => typeof a === "number" && typeof b === "number" ? a - b
     : String(a).localeCompare(String(b), "en", { numeric: true });

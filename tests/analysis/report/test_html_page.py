@@ -87,7 +87,7 @@ def test_claims_are_all_marked_where_the_run_touches_one(tmp_path):
     assert re.search(r"<summary>Not run: \d+ claims</summary>", source)
 
 
-def test_a_scenario_of_two_experiments_is_in_both_with_the_estimators_that_it_has_there(tmp_path):
+def test_a_scenario_of_two_experiments_is_in_both_with_the_estimators_that_it_has_there(tmp_path, monkeypatch):
     rows = pd.concat([rows_of(label, {**AB, "c": (2.0, 1.0)}) for label in DROPS])
     blocks = [
         {"scenarios": DROPS[1:2], "estimators": ["a", "c"], "experiment": "first"},
@@ -98,6 +98,14 @@ def test_a_scenario_of_two_experiments_is_in_both_with_the_estimators_that_it_ha
     assert "packet-drop: RMSE from drop = 0 to 0.9" in page(kept, tmp_path)
     best = [pd.read_csv(tmp_path / "tables" / f"best-experiment-{name}.csv") for name in ("first", "second")]
     assert [set(table["estimator"]) for table in best] == [{"a"}, {"b"}]
+    monkeypatch.setattr(html_page, "MOST_BYTES", 10_000)  # each experiment goes to a page of its own
+    first = page(kept, tmp_path)
+    assert {"experiment-first.html", "experiment-second.html"} <= set(re.findall(r'href="([\w.-]+)"', first))
+    assert "packet-drop: RMSE from drop = 0 to 0.9" not in first
+    source = (tmp_path / "experiment-second.html").read_text()
+    assert "packet-drop: RMSE from drop = 0 to 0.9" in source
+    assert re.findall(r'href="index.html#(.*?)"', source)[0] in {of.get("id") for _, of in Outline(first).tags}
+    assert "every column" in source  # which the file of the table has
     more = kept._replace(rows=pd.concat([kept.rows, rows_of(DROPS[0], {"d": (1.0, 1.0)})]))
     assert more.experiments["first"][DROPS[0]] == ["d"]  # run with --estimators, of no block
 
