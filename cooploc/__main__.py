@@ -2,9 +2,11 @@
 
 import contextlib
 import os
+import re
 import sys
 
 INTERRUPTED = 130
+KINDS = {"integer": "it must be a whole number", "number": "it must be a number"}  # in pydantic's words -> in ours
 KEPT = "what was finished is kept, and the same command goes on from there"
 
 
@@ -47,7 +49,10 @@ def _explain(e: BaseException) -> str | None:
     if hasattr(e, "format_message"):  # the command line's own errors, whose class typer does not export
         context = getattr(e, "ctx", None)
         command = context.command_path.rpartition("cooploc")[2] if context else ""
-        return f"{e.format_message()} (cooploc{command} --help says what there is)"
+        said = re.sub(
+            r"Input should be a valid (\w+),.*", lambda found: KINDS.get(found[1], found[0]), e.format_message()
+        )
+        return f"{said} (cooploc{command} --help says what there is)"
     return None
 
 

@@ -62,6 +62,7 @@ def list_(kind: Annotated[str, typer.Argument(help=f"{', '.join(KINDS)} [default
         raise cl.BadInput(f"there is no list of {kind!r}; {nearest(kind, list(KINDS))}")
     for one in [kind] if kind else KINDS:
         terminal.tables.show_list(one, getattr(cl, one)())
+    typer.echo("next: cooploc run quick --estimators arl,ekf-ci, or another study, or a problem")
 
 
 @app.command()
@@ -159,6 +160,7 @@ def plan(
     """Say how many trials each comparison needs at 80 % power, and how long they take."""
     how: dict[str, Any] = {"seed": seed, "estimators": estimators, "jobs": jobs, "data": data, "out": out}
     terminal.tables.show_plan(cl.plan(study, difference=difference, isolate=isolate, **how), difference, jobs)
+    typer.echo(f"next: cooploc run {study} --until-decided, or --trials N")
 
 
 @app.command()

@@ -141,10 +141,9 @@ def read_tum(folder: str | Path, stream: Stream) -> dict[str, Trace]:
     Covariances are nan where no robot has a file of them; messages, bytes and seconds are not known, and nan.
     """
     folder = Path(folder)
-    if not folder.is_dir():
-        raise BadInput(f"there is no folder {folder}; name the one that holds the TUM files")
-    inside = sorted(one for one in folder.iterdir() if one.is_dir() and one.name != TRUTH and _files(one))
-    found = [folder] if _files(folder) else inside
+    own = bool(_files(folder))
+    others = () if own else sorted(folder.iterdir())
+    found = [folder] * own + [one for one in others if one.is_dir() and one.name != TRUTH and _files(one)]
     if not found:
         raise BadInput(f"{folder} holds no trial0-robot0.txt or robot0.txt, and none of its folders does")
     return {one.resolve().name: _read_team(one, stream) for one in found}
@@ -152,6 +151,8 @@ def read_tum(folder: str | Path, stream: Stream) -> dict[str, Trace]:
 
 def _files(folder: Path) -> dict[tuple[int | None, int], Path]:
     """Return TUM files by trial, None where a name has none, and robot."""
+    if not folder.is_dir():
+        raise BadInput(f"there is no folder {folder}; name the one that holds the TUM files")
     named = ((FILE.fullmatch(path.name), path) for path in sorted(folder.iterdir()))
     return {(None if m[1] is None else int(m[1]), int(m[2])): path for m, path in named if m}
 

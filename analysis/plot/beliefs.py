@@ -14,6 +14,7 @@ from cooploc.analysis.metrics.curves import over_time
 from cooploc.analysis.metrics.errors import INSIDE_95, demand_same
 from cooploc.analysis.metrics.statistics import LEAST_TRIALS
 from cooploc.analysis.plot import style
+from cooploc.analysis.plot.results import MOST_ANEES
 from cooploc.analysis.plot.style import DARK
 from cooploc.analysis.plot.worlds import draw_arena, set_links
 from cooploc.estimators.errors import BadInput
@@ -85,7 +86,7 @@ def anees(truth: Truth, run: Run, ax: Axes | None = None) -> Axes:
     ax.axhline(1.0, color="0.5", lw=1, zorder=1)
     low, high = style.span(table, "anees", "band_low", "band_high")
     style.set_log_scale(ax.yaxis, low, high)
-    ax.set_ylim(low / 1.4, 1.4 * high)
+    ax.set_ylim(low / 1.4, min(1.4 * high, MOST_ANEES))
     return ax
 
 

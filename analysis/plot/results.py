@@ -64,32 +64,36 @@ def rmse(errors: pd.DataFrame, ax: Axes | None = None, floors: Mapping[str, floa
         above = f"{along['family'].iloc[0]}, {_about_trials(table)}{'; broken: over-confident' * over_confident}"
         style.finish(ax, along["parameter"].iloc[0], RMSE, above)
     else:
-        ax = _draw_side_by_side(ax, table, pens, height)
-        style.finish(ax, "", RMSE, _about_trials(table) + "; hollow: over-confident" * over_confident, grid="y")
+        above = _about_trials(table) + "; hollow: over-confident" * over_confident
+        ax = _draw_side_by_side(ax, table, pens, height, above)
     style.add_legend(ax)
     return ax
 
 
-def _draw_side_by_side(ax: Axes | None, table: pd.DataFrame, pens: Pens, height: float) -> Axes:
-    """Draw the estimators of every scenario in a column of their own; labels that would overlap are upright."""
+def _draw_side_by_side(ax: Axes | None, table: pd.DataFrame, pens: Pens, height: float, above: str) -> Axes:
+    """Draw the estimators of every scenario in a column of their own, or in rows where names of columns overlap."""
     labels = list(dict.fromkeys(table["scenario"]))
-    width = min(14.0, max(6.5, 2.5 + 0.2 * len(labels) * (len(pens) + 2)))
     lines = [wrap_label(label) for label in labels]
-    widest = max(len(line) for label in lines for line in label.split("\n"))
-    upright = widest * LETTER > (width - 3.0) / len(labels)
-    ax = ax or style.new_axes(width, height + max(map(len, labels)) * 0.8 * LETTER * upright)
+    named = 3.0 + len(labels) * LETTER * max(len(line) for label in lines for line in label.split("\n"))
+    width, rows = min(14.0, max(6.5, named, 2.5 + 0.2 * len(labels) * (len(pens) + 2))), named > 14.0
+    size = (8.0, 1.0 + 0.1 * len(labels) * (len(pens) + 2)) if rows else (width, height)
+    ax = ax or style.new_axes(*size)
     shift = dict(zip(pens, np.linspace(-0.3, 0.3, len(pens)) if len(pens) > 1 else [0.0], strict=True))
     for row in table[table["rmse"].notna()].to_dict("records"):
         place = labels.index(row["scenario"]) + shift[row["estimator"]]
-        style.draw_rmse(ax, place, row, pens[row["estimator"]])
+        style.draw_rmse(ax, place, row, pens[row["estimator"]], vertical=not rows)
     _add_keys(ax, table, pens, name_of)
     for place, floor in enumerate(table.groupby("scenario", sort=False)["floor"].first()):
-        ax.hlines(floor, place - 0.4, place + 0.4, color="black", ls=DOTTED)
-        ax.axvline(place + 0.5, color=style.GRID, lw=1, zorder=0)
-    turned: Any = {"rotation": 90, "fontsize": "small"} if upright else {}
-    ax.set_xticks(range(len(labels)), labels if upright else lines, **turned)
-    ax.set_xlim(-0.5, len(labels) - 0.5)
-    set_log_scale(ax.yaxis, *span(table, "rmse", "floor"))
+        (ax.vlines if rows else ax.hlines)(floor, place - 0.4, place + 0.4, color="black", ls=DOTTED)
+        (ax.axhline if rows else ax.axvline)(place + 0.5, color=style.GRID, lw=1, zorder=0)
+    if rows:
+        ax.set_yticks(range(len(labels)), labels, fontsize="small")
+        ax.set_ylim(len(labels) - 0.5, -0.5)
+    else:
+        ax.set_xticks(range(len(labels)), lines)
+        ax.set_xlim(-0.5, len(labels) - 0.5)
+    set_log_scale(ax.xaxis if rows else ax.yaxis, *span(table, "rmse", "floor"))
+    style.finish(ax, *((RMSE, "") if rows else ("", RMSE)), above, grid="x" if rows else "y")
     return ax
 
 
@@ -303,6 +307,9 @@ def draw_curves(
         ax.set_xticks(values, [f"{value:g}" if value in said else "" for value in values])
 
 
+MOST_ANEES = 1e4  # beyond it a mark stands at the edge, with its number
+
+
 def draw_against(ax: Axes, part: pd.DataFrame, other: str, pens: Pens) -> None:
     """Draw RMSE against ANEES, with the band of consistency, or against a cost with the frontier."""
     scale = 1e6 if other == "seconds" else 1.0
@@ -313,6 +320,9 @@ def draw_against(ax: Axes, part: pd.DataFrame, other: str, pens: Pens) -> None:
         ax.step(scale * front[other], front["rmse"], where="post", color="0.3", lw=1, ls=style.BROKEN, zorder=1)
     for row in part.to_dict("records"):
         pen, x = pens[row["estimator"]], scale * row[other]
+        if other == "anees" and x > MOST_ANEES:
+            far, x = f"{x:.0e}".replace("e+0", "e").replace("e+", "e"), MOST_ANEES
+            ax.annotate(f"{far} →", (x, row["rmse"]), (-6, 2), textcoords="offset points", ha="right")
         bar: Any = {"color": style.colour_of(row, pen), "lw": 1}
         ax.plot([x, x], [row["rmse_low"], row["rmse_high"]], **bar)
         if f"{other}_low" in row:
@@ -328,7 +338,7 @@ def draw_against(ax: Axes, part: pd.DataFrame, other: str, pens: Pens) -> None:
     else:
         set_log_scale(ax.xaxis, low, high)
         if other == "anees" and low > 0:  # intervals of heavy tails span many powers of ten
-            ax.set_xlim(min(low / 1.4, 0.5), max(1.4 * high, 2.0))
+            ax.set_xlim(min(low / 1.4, 0.5), min(max(1.4 * high, 2.0), 1.4 * MOST_ANEES))
     set_log_scale(ax.yaxis, *span(part, "rmse", "floor"))
 
 

@@ -6,7 +6,8 @@ lighter. Hollow markers are over-confident, grey and dotted estimators centralis
 
 import re
 import warnings
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import cycle
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -31,6 +32,8 @@ BLUE, ORANGE, GREEN, VERMILION, PURPLE, BROWN, _, _, _, SKY = map(to_hex, sns.co
 HUES = BROWN, BLUE, SKY, VERMILION, ORANGE, GREEN, PURPLE  # of built-in estimators, in the order of the registry
 OTHERS = ("#332288", "#882255", "#999933", "#44aa99")  # of estimators that are not built in; of Paul Tol's muted scheme
 ROBOTS = BLUE, ORANGE, GREEN, PURPLE, BROWN, SKY
+NAMED = dict(zip(("blue", "orange", "green", "purple", "brown"), ROBOTS, strict=False))
+NAMED |= {"red": "#cc3311", "yellow": "#ccbb44", "black": "black"}
 SHADES = (-0.4, 0.4, -0.65, 0.6)  # of variants: towards black, or towards white
 # points, star, degrees
 STARS = (4, 1, 0), (4, 1, 45), (6, 1, 0), (8, 1, 0), (3, 1, 0), (3, 1, 180), (5, 1, 36), (12, 1, 0), (3, 1, 90)
@@ -185,6 +188,13 @@ def draw_band(ax: Axes, x: Any, low: Any, high: Any, colour: Any, alpha: float =
         ax.plot(x, low, x, high, color=colour, ls=DOTTED, lw=0.7, zorder=2)
     else:
         ax.fill_between(x, low, high, color=colour, alpha=alpha, lw=0, zorder=2)
+
+
+def robot_colours(names: Sequence[str]) -> dict[str, str]:
+    """Return a colour for each robot: its own where it is called red, blue, ..., else the next one."""
+    own = {name: NAMED[word] for name in names for word in re.split("[^a-z]", name.lower()) if word in NAMED}
+    rest = cycle([one for one in ROBOTS if one not in own.values()] or ROBOTS)
+    return {name: own.get(name) or next(rest) for name in names}
 
 
 def span(part: pd.DataFrame, *columns: str) -> tuple[float, float]:

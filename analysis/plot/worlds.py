@@ -162,8 +162,7 @@ def recording(log: TeamLog, note: str = "") -> Figure:
 
 def _draw_tracks(ax: Axes, log: TeamLog, above: str) -> None:
     """Draw truth and dead reckoning of every robot, with anchors and landmarks."""
-    for i, robot in enumerate(log.robots):
-        colour = ROBOTS[i % len(ROBOTS)]
+    for i, (robot, colour) in enumerate(style.robot_colours(log.robots).items()):
         truth, alone = known_truth(log, i), dead_reckoned(log, i)
         if truth is not None:
             ax.plot(*truth.values[:, :2].T, color=colour, lw=1.3, label=robot, zorder=3)
@@ -192,14 +191,15 @@ def _draw_reading_counts(ax: Axes, log: TeamLog) -> None:
             text = "" if used[k] == i else f"{int(shown[i, k])}"
             dark = np.log1p(shown[i, k]) > 0.6 * np.log1p(max(shown.max(), 1))
             ax.text(k, i, text, ha="center", va="center", fontsize="x-small", color="white" if dark else DARK)
-    ax.set_xticks(range(len(used)), [columns[k] for k in used], rotation=90 if len(used) > 6 else 0, fontsize="x-small")
+    lower = [("\n" if place % 2 and len(used) > 6 else "") + columns[k] for place, k in enumerate(used)]
+    ax.set_xticks(range(len(used)), lower, fontsize="x-small")
     ax.set_yticks(range(len(rows)), rows, fontsize="x-small")
     style.finish(ax, above="readings of (column) by (row)")
 
 
 def draw_time_line(ax: Axes, rows: list[SeriesRow], log: TeamLog) -> None:
     """Draw a line for each series, a stroke for each sample."""
-    colours = {robot: ROBOTS[i % len(ROBOTS)] for i, robot in enumerate(log.robots)}
+    colours = style.robot_colours(log.robots)
     for place, row in enumerate(rows):
         time = row.time[:: max(1, len(row.time) // MOST_TICKS)]
         width = max(float(np.median(np.diff(time))) if len(time) > 1 else 0.0, 1e-3)

@@ -226,6 +226,8 @@ def show(run: str | PathLike[str]) -> None:
         console.print(one.traceback.rpartition("occurred:")[2].strip("\n"), style="dim", soft_wrap=True)
     if failed.empty:
         console.print("\nnothing failed")
+    unfinished = any("not finished" in row["remark"] for row in rows)
+    console.print("next: the same cooploc run goes on" if unfinished else f"next: cooploc report {folder}")
 
 
 VERDICT_LEGEND = (

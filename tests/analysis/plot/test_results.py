@@ -57,7 +57,9 @@ def test_a_sweep_is_drawn_as_lines_and_other_scenarios_side_by_side():
 def test_the_labels_of_many_scenarios_do_not_overlap():
     ax = cl.plot.rmse(pd.concat([rows_of(f"robots-1-3/n={i}[ticks=50,drop=0.{i}]", TEAM) for i in range(1, 25)]))
     ax.figure.canvas.draw()
-    boxes = [text.get_window_extent() for text in ax.get_xticklabels()]
+    assert {text.get_rotation() for text in (*ax.get_xticklabels(), *ax.get_yticklabels())} == {0.0}
+    boxes = [text.get_window_extent() for text in ax.get_yticklabels()]
+    assert len(boxes) == 24
     assert not any(a.overlaps(b) for a, b in pairwise(boxes))
 
 
