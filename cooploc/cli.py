@@ -142,7 +142,7 @@ def inspect(
     if strict:
         from cooploc.scenarios.scenario import require_no_faults
 
-        require_no_faults(found.inspected.log.warnings)
+        require_no_faults(found.inspected.faults)
     terminal.tables.show_inspection(found, found.write(out, force))
 
 

@@ -104,6 +104,7 @@ STATISTICS = {
     "messages": Statistic("messages per robot and tick, as sent", _robot_mean("messages")),
     "bytes": Statistic("bytes per robot and tick, as sent", _robot_mean("bytes"), short=True),
     "seconds": Statistic("computing time per robot and tick", _robot_mean("seconds"), "s", short=True),
+    "outside": Statistic("share of ticks whose estimate lies outside of the arena", _trial_mean("outside")),
     "area95": Statistic("mean area of the 95 % ellipse", _trial_mean("area95"), "m^2"),
     "mean_error": Statistic("mean Euclidean position error", _trial_mean("mean_error"), "m"),
     "median_error": Statistic("a robot's median position error in a trial, averaged", _trial_mean("median_error"), "m"),
@@ -185,6 +186,7 @@ def compare(errors: pd.DataFrame, baseline: str | Mapping[str, str], full: bool 
         baseline: the estimator that the row is compared with
         pairs: trials in which both succeeded
         difference [m]: mean over trials of RMSE minus the baseline's, with its t interval
+        mark: in words, on a recording: whether it is worse than `constant`, or leaves the arena
         decisive_trial: the number of the trial that alone decides `change`, see `statistics.decisive_trial`; nan: none
         p: p against equal RMSE, not adjusted; 1 where the one that looks better failed in a trial
         effect: matched-pairs rank-biserial correlation in [-1, 1]: in how many trials errors are smaller (negative)
@@ -217,6 +219,10 @@ def compare(errors: pd.DataFrame, baseline: str | Mapping[str, str], full: bool 
     groups = errors.assign(offline=is_offline(errors), senses=senses).groupby(CELL, sort=False)
     for standing in ("centralised", "bound", "offline"):
         table[standing] = groups[standing].any().to_numpy()
+    constant = table["scenario"].map(table[table["estimator"] == "constant"].set_index("scenario")["rmse"])
+    marks = {"worse than a constant": table["rmse"] > constant, "leaves the arena": table["outside"] > 0}
+    held = [[mark for mark, holds in marks.items() if holds[i]] for i in table.index]
+    table["mark"] = [", ".join(some) * bool(one == one) for some, one in zip(held, constant, strict=True)]
     table[SENSES] = groups[SENSES].first().fillna("").to_numpy()
     failed = dict(zip(zip(table["scenario"], table["estimator"], strict=True), table["failed"] > 0, strict=True))
     pairs = pd.DataFrame([_against(cells, failed, cell, against[cell[0]]) for cell in failed])

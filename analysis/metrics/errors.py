@@ -42,6 +42,7 @@ class TickErrors(NamedTuple):
     det: Array  # (t, T, n) determinant of the position's covariance [m^4], 0 where it is not positive
     valid: Mask  # (t, T, n) ticks that count
     side: float  # longest side of the arena [m]
+    outside: Array  # (t, T, n) 1.0 where the estimate lies outside of the arena, else 0.0
 
 
 class Measure(NamedTuple):
@@ -119,6 +120,10 @@ MEASURES = {
     "area95": Measure(
         "mean area of the 95 % ellipse",
         lambda e: _mean_with_covariance(e, np.pi * INSIDE_95 * np.sqrt(e.det)), "m^2", "ticks",
+    ),
+    "outside": Measure(
+        "share of ticks whose estimate lies outside of the arena",
+        lambda e: over_ticks(np.nanmean, e.outside), "", "ticks",
     ),
 }  # fmt: skip
 OPTIONAL_COLUMNS = tuple(name for name in MEASURES if name not in COLUMNS)  # results of former versions lack them
@@ -207,7 +212,9 @@ def _tick_errors(truth: Truth, trace: Trace, valid: Mask) -> TickErrors:
         pose_nees = _nees(e, trace.P)
     det = np.linalg.det(np.where(np.isnan(trace.P), 0.0, trace.P)[..., :2, :2])
     side = float(np.max(truth.arena[1] - truth.arena[0]))
-    return TickErrors(d2, np.sqrt(d2), nees, pose_nees, np.where(det > 0, det, 0.0), valid, side)
+    beyond = ((trace.x[..., :2] < truth.arena[0]) | (trace.x[..., :2] > truth.arena[1])).any(-1)
+    outside = np.where(np.isnan(d2), np.nan, beyond)
+    return TickErrors(d2, np.sqrt(d2), nees, pose_nees, np.where(det > 0, det, 0.0), valid, side, outside)
 
 
 def _frame(truth: Truth, run: Run, name: str, trace: Trace, valid: Mask) -> pd.DataFrame:

@@ -33,12 +33,21 @@ CONSISTENCY["not shown"] = "consistency not shown"
 
 
 def remark(
-    estimator: str, certificate: str, flag: str, central: bool, bound: bool, offline: bool, failed: int, rmse: float
+    estimator: str,
+    certificate: str,
+    flag: str,
+    central: bool,
+    bound: bool,
+    offline: bool,
+    failed: int,
+    rmse: float,
+    mark: str,
 ) -> str:
     """Return what a reader of a result must know."""
     remarks = [standing(estimator), "not ranked" * is_refused(certificate), CONSISTENCY.get(flag, "")]
     remarks += ["offline, not ranked"] if offline else ["bound"] if bound else ["centralised"] * central
     remarks += ["bytes as declared"] * (not central and declares_bytes(estimator))
+    remarks += [mark]
     lost = "every trial failed" if np.isnan(rmse) else f"{failed} failed, numbers of the other trials"
     return ", ".join(filter(None, [*remarks, lost * int(failed > 0)]))
 
@@ -73,7 +82,7 @@ def _ends(name: str, form: Callable[[float], str], **layout: Any) -> TableColumn
 RMSE = number_column("RMSE [m]", "rmse", form=metres), _ends("rmse", metres, second_line=True)
 ANEES = number_column("ANEES", "anees", form=ratio), _ends("anees", ratio)
 VERSUS = ("estimator", "baseline")
-REMARK_FIELDS = ("estimator", "certificate", "consistency", "centralised", "bound", "offline", "failed", "rmse")
+REMARK_FIELDS = ("estimator", "certificate", "consistency", "centralised", "bound", "offline", "failed", "rmse", "mark")
 REMARK_KEYS = ("consistency", "centralised", "bound", "offline", "failed", "baseline", "stream")  # a remark, in CSV
 RARE: dict[str, Any] = {"collapsed": True, "rare": True}
 RESULTS = (

@@ -81,7 +81,7 @@ def show_results(
 
 
 def recording_lines(part: pd.DataFrame, weak: list[str]) -> list[str]:
-    """Return what limits the order of one recording's table: `weak` reasons, single trials, ties, a constant."""
+    """Return what limits the order of one recording's table: `weak` reasons, single trials, ties."""
     scenario, baseline = part["scenario"].iloc[0], part["baseline"].iloc[0]
     lines = [f"{scenario}, {line}" for line in weak]
     if part["trials"].max() < 2:
@@ -89,10 +89,6 @@ def recording_lines(part: pd.DataFrame, weak: list[str]) -> list[str]:
     others = part[part["change_low"].notna() & (part["estimator"] != baseline)]
     if len(others) and ((others["change_low"] <= 0) & (others["change_high"] >= 0)).all():
         lines.append(f"{scenario}: ranks no estimators: the interval of every comparison with {baseline} holds 0")
-    for constant in part.loc[part["estimator"] == "constant", "rmse"]:
-        worse = part.loc[part["rmse"] > constant, "estimator"]
-        if len(worse):
-            lines.append(f"{scenario}: worse than a constant, which errs by {constant:.3f} m: {', '.join(worse)}")
     return list(map(shorten_labels, lines))
 
 

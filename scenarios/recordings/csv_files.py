@@ -104,7 +104,7 @@ def rows_of(
     for (path, own), (robot, other) in lines_of.items():
         if not path.is_file():
             continue
-        if in_columns and not {*own} <= {*split_fields(read_text(path, "utf-8-sig"), delimiter)[0]}:
+        if in_columns and not {*own} <= {*split_fields(read_text(path), delimiter)[0]}:
             continue
         lines = read_lines(path, own, named, delimiter)
         run.warnings.extend(lines.notes)

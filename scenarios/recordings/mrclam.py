@@ -38,6 +38,11 @@ from cooploc.scenarios.stream import Stream, Truth
 from cooploc.scenarios.worlds.radio import Positive
 
 BARCODES = "Barcodes.dat"
+FILES = {  # of each robot, and their columns
+    "Groundtruth": ("time [s]", "x [m]", "y [m]", "heading [rad]"),
+    "Odometry": ("time [s]", "v [m/s]", "omega [rad/s]"),
+    "Measurement": ("time [s]", "barcode", "range [m]", "bearing [rad]"),
+}
 
 
 def find_runs(data: Path, description: TeamDescription) -> dict[str, Path]:
@@ -54,43 +59,49 @@ def read_run(place: Path, name: str, description: TeamDescription | None) -> Tea
     """Read one data set: robots "1", "2" ..., landmarks by their numbers."""
     if not place.is_dir():
         raise BadInput(f"{place}: there is no such directory; name the one that holds {BARCODES}")
-    found = [re.fullmatch(r"Robot([1-9]\d*)_Odometry\.dat", path.name) for path in place.iterdir()]
-    n = max((int(match[1]) for match in found if match), default=1)
+    found = [re.fullmatch(r"Robot([1-9]\d*)_[A-Z]\w+\.dat", path.name) for path in place.iterdir()]
+    numbers = sorted({int(match[1]) for match in found if match}) or [1]
     surveyed = read_table(
         place / "Landmark_Groundtruth.dat", ("subject", "x [m]", "y [m]", "x sd [m]", "y sd [m]"), True
     )
-    named = _names_of_barcodes(read_table(place / BARCODES, ("subject", "barcode"), True), surveyed, n)
-    robots, landmarks = (tuple(str(int(k)) for k in of) for of in (range(1, n + 1), surveyed.values[:, 0]))
-    warnings: list[str] = []
-
-    def team(kind: str, *columns: str) -> list[TextTable]:
-        tables = [read_table(place / f"Robot{robot}_{kind}.dat", ("time [s]", *columns)) for robot in robots]
-        warnings.extend(note for table in tables for note in table.notes)
-        return tables
+    named = _names_of_barcodes(read_table(place / BARCODES, ("subject", "barcode"), True), surveyed, numbers)
+    landmarks, warnings = tuple(str(int(k)) for k in surveyed.values[:, 0]), list[str]()
+    tables, lost = dict[str, list[TextTable]](), list[str]()
+    for robot in map(str, numbers):
+        try:
+            tables[robot] = [read_table(place / f"Robot{robot}_{kind}.dat", of) for kind, of in FILES.items()]
+            warnings += [note for table in tables[robot] for note in table.notes]
+        except BadInput as e:
+            lost.append(f"{e}; robot {robot} was left out")
+    if not tables:
+        raise BadInput(lost[0].rpartition("; ")[0])
+    robots = tuple(tables)
 
     def series(table: TextTable, last: bool = False) -> Series:
         ordered, notes = order_series(table.values[:, 0], table.values[:, 1:], str(table.path), last)
         warnings.extend(notes)
         return ordered
 
-    truth = tuple(series(table) for table in team("Groundtruth", "x [m]", "y [m]", "heading [rad]"))
-    odometry = tuple(series(table, last=True) for table in team("Odometry", "v [m/s]", "omega [rad/s]"))
+    truth = tuple(series(table) for table, _, _ in tables.values())
+    odometry = tuple(series(table, last=True) for _, table, _ in tables.values())
     measured = []
-    for robot, table in zip(robots, team("Measurement", "barcode", "range [m]", "bearing [rad]"), strict=True):
+    for robot, (_, _, table) in tables.items():
         other = [named.get(code, f"barcode {code}") for code in whole_numbers(table, 1, "barcode")]
         measured.append(Measured(table.values[:, 0], [robot] * len(other), other, table.values[:, 2:], str(table.path)))
     readings, notes = split_channels("sighting", measured, robots, landmarks)
     places, none = Places(landmarks, surveyed.values[:, 1:3]), Places((), np.empty((0, 2)))
-    return TeamLog(name, robots, "velocity", odometry, truth, readings, places, none, (*warnings, *notes))
+    return TeamLog(name, robots, "velocity", odometry, truth, readings, places, none, (*lost, *warnings, *notes))
 
 
-def _names_of_barcodes(barcodes: TextTable, surveyed: TextTable, n: int) -> dict[int, str]:
+def _names_of_barcodes(barcodes: TextTable, surveyed: TextTable, robots: Sequence[int]) -> dict[int, str]:
     """Return the name of the robot or landmark that carries each barcode."""
     landmarks = whole_numbers(surveyed, 0, "subject", unique=True)
     subjects, codes = (whole_numbers(barcodes, k, name, unique=True) for k, name in enumerate(("subject", "barcode")))
-    barcode, named = dict(zip(subjects, codes, strict=True)), [*range(1, n + 1), *landmarks]
-    if taken := [k for k in landmarks if k <= n]:
-        raise BadInput(f"{surveyed.path}: landmark {taken[0]} has a robot's number; number landmarks above {n}")
+    barcode, named = dict(zip(subjects, codes, strict=True)), [*robots, *landmarks]
+    if taken := [k for k in landmarks if k <= robots[-1]]:
+        raise BadInput(
+            f"{surveyed.path}: landmark {taken[0]} has a robot's number; number landmarks above {robots[-1]}"
+        )
     if lost := [k for k in named if k not in barcode]:
         raise BadInput(f"{barcodes.path}: subject {lost[0]} has no barcode; add its line")
     return {barcode[k]: str(k) for k in named}
@@ -180,6 +191,12 @@ class Mrclam(BaseModel):
             },
         )
         return Truth(label, stream.trial, path, valid, arena_around(log.landmarks.positions), stream.hashes), stream
+
+    def faults(self) -> list[str]:
+        """Return sentences on what was left out, sorted or repaired while reading."""
+        return list(self.log.warnings)
+
+    explanations = faults
 
     @cached_property
     def _span(self) -> tuple[float, int]:

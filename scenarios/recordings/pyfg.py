@@ -75,7 +75,7 @@ class Graph(NamedTuple):
 
 def read_graph(path: Path) -> Graph:
     """Read the vertices and edges in a file. Lines that cannot be read are left out, with a warning."""
-    text = read_text(path, "ascii")
+    text = read_text(path)
     graph = Graph(path, {}, {}, {tag: [] for tag in LENGTHS if tag.startswith("EDGE")}, [])
     lines = [(i, line.split()) for i, line in enumerate(text.split("\n"), 1) if line and not line.isspace()]
     for i, (tag, *_) in lines:

@@ -282,13 +282,14 @@ class TeamScenario(schema.Model):
     def faults(self) -> list[str]:
         """Return sentences, run by run, on what was left out, sorted or repaired while reading."""
         if self.run == ALL:
-            return [line for k in range(self.count()) for line in self.at([k]).faults()]
+            return [*self.too_short.values(), *(line for k in range(self.count()) for line in self.at([k]).faults())]
         return list(self.judged_run.log.warnings)
 
     def explanations(self) -> list[str]:
         """Return sentences, run by run: what was left out while reading, and the models with where they were fitted."""
         if self.run == ALL:
-            return [line for k in range(self.count()) for line in self.at([k]).explanations()]
+            each = (line for k in range(self.count()) for line in self.at([k]).explanations())
+            return [*self.too_short.values(), *each]
         try:
             log, models = self.judged_run.log, self.judged_run.models
             reasons = self.weaknesses(*self.simulate("log", [0], 0, self.world()))
@@ -311,7 +312,23 @@ class TeamScenario(schema.Model):
         return list(link_residuals(log, parts, FitPart(log, grid.t0, float(grid.edges[-1])), models, how))
 
     def _names(self) -> list[str]:
-        return self.folder.different if self.run == ALL else [self.folder.log(self.run).name]
+        if self.run != ALL:
+            return [self.folder.log(self.run).name]
+        return [name for name in self.folder.different if name not in self.too_short] or self.folder.different
+
+    @cached_property
+    def too_short(self) -> dict[str, str]:
+        """Sentences on the runs that `all` leaves out, as they have no tick to be judged, by name."""
+        sample, fit, found = self._sample, self.folder.description.fit, dict[str, str]()
+        least = sample.start + (fit.seconds or 0.0) + (0.0 if sample.tick == "lines" else sample.tick)
+        for name in self.folder.different if self.run == ALL else ():
+            try:
+                begin, end = sampling.span(self.folder.log(name))
+            except BadInput:
+                begin, end = 0.0, 0.0
+            if end - begin < least or end == begin:
+                found[name] = f"{self.data}: run {name!r} has no tick to be judged; it was left out"
+        return found
 
     def _grid(self, log: TeamLog, first: float, end: float) -> Grid:
         sample = self._sample

@@ -14,6 +14,7 @@ from reprlib import repr as short_repr
 from typing import Literal, NamedTuple
 
 import numpy as np
+import pandas as pd
 
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Indices, Mask
@@ -250,6 +251,8 @@ def split_channels(
             _numbers(names, of) for names, of in ((one.robot, robots), (one.other, robots), (one.other, fixed))
         )
         near = is_near(one.time)
+        whole = pd.DataFrame({"time": one.time, "robot": one.robot, "other": one.other}).join(pd.DataFrame(one.values))
+        again = whole.duplicated().to_numpy() & near
         there = np.isfinite(one.values).all(-1) & near
         positive = there & ((one.values[:, 0] > 0) | (kind == "rssi"))
         known, itself = (robot >= 0) & ((mate >= 0) | (thing >= 0)), (robot == mate) & (robot >= 0)
@@ -259,12 +262,13 @@ def split_channels(
             (known & itself, one.robot, "of {} by itself"),
             (~near, one.robot, "by {} with stamps that are days from the others"),
             (there & ~positive, one.robot, "by {} that are not positive"),
+            (again, one.robot, "by {} that are there twice, to the digit"),
         ):
             rows = np.flatnonzero(dropped).tolist()
             whose = sorted({names[row] for row in rows})
             some = ", ".join(map(short_repr, whose[:3])) + f" and {len(whose) - 3} more" * (len(whose) > 3)
             notes += [f"{one.source}: {len(rows)} readings {what.format(some)}, were left out"] * bool(rows)
-        good = known & ~itself & positive
+        good = known & ~itself & positive & ~again
         for channel, other in zip(CHANNELS[kind], (mate, thing), strict=True):
             at = np.flatnonzero(good & (other >= 0))
             if len(at):

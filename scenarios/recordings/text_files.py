@@ -41,24 +41,23 @@ class TextTable(NamedTuple):
         return f"{self.path}, line {self.line[row]}"
 
 
-def read_text(path: Path, encoding: str) -> str:
-    r"""Return the text of a file, its line ends all \n; other text than ASCII may also be UTF-16 or of Windows."""
+def read_text(path: Path) -> str:
+    r"""Return the text of a file, UTF-8, UTF-16 or of Windows, its line ends all \n."""
     try:
         raw = path.read_bytes()
     except FileNotFoundError:
         raise BadInput(f"{path}: there is no such file; get the whole recording") from None
     except OSError as e:
         raise BadInput(f"{path}: cannot be read ({e.strerror}); get the file again") from None
-    if encoding != "ascii" and raw.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+    if raw.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         raw = raw.decode("utf-16", "replace").encode()
     try:
-        text, bad = raw.decode(encoding), raw.find(b"\0")
-    except UnicodeDecodeError as e:
-        text, bad = raw.decode("cp1252", "ignore"), e.start if encoding == "ascii" else raw.find(b"\0")
-    if bad >= 0:
+        text = raw.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = raw.decode("cp1252", "ignore")
+    if (bad := raw.find(b"\0")) >= 0:
         line = raw[:bad].count(b"\n") + 1
-        kind = "plain ASCII" if encoding == "ascii" else "UTF-8"
-        raise BadInput(f"{path}, line {line}: this is not {kind} text; save the file as {kind}, or get it again")
+        raise BadInput(f"{path}, line {line}: this is not UTF-8 text; save the file as UTF-8, or get it again")
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
@@ -88,7 +87,7 @@ def leave_out(path: Path, faults: Sequence[Fault], lines: int) -> tuple[str, ...
 
 def read_table(path: Path, columns: Sequence[str], strict: bool = False) -> TextTable:
     """Read numbers separated by blanks, one for each of `columns` in a line; what follows a # is a comment."""
-    lines = [line.partition("#")[0] for line in read_text(path, "ascii").split("\n")]
+    lines = [line.partition("#")[0] for line in read_text(path).split("\n")]
     rows = [(i, line) for i, line in enumerate(lines, 1) if line and not line.isspace()]
     if not rows:
         raise BadInput(f"{path}: the file is empty, it has no line of {', '.join(columns)}; get the file again")
@@ -209,7 +208,7 @@ def read_lines(path: Path, numbers: Sequence[str], names: Sequence[str], delimit
     not a number counts as empty. So is a last line without an end that has fewer fields than the first, or ends inside
     one of `numbers`, as digits may be missing.
     """
-    text = read_text(path, "utf-8-sig")
+    text = read_text(path)
     head, first, content = split_fields(text, delimiter)
     of_numbers = [find_column(path, first, head, name) for name in numbers]
     of_names = [find_column(path, first, head, name) for name in names]
@@ -276,13 +275,21 @@ def parse_field(field: str) -> float:
     return parse_date(field.replace(",", ".")) if np.isinf(number) and ":" in field else number
 
 
+# A day and a time beside ISO 8601, 25.11.2026 9:30:00 or 11/25/2026 9:30:00.5 PM (4/5 is of April), or a time alone.
+DATE = re.compile(
+    r"(?:(\d{1,2})([./-])(\d{1,2})\2(\d{4}),? )?(\d{1,2}):(\d\d):(\d\d(?:\.\d+)?)(?: ?([aApP])\.?[mM]\.?)?"
+)
+
+
 def parse_date(field: str) -> float:
     """Return a date with a time, or a time of day, in seconds; inf where it is neither."""
-    if match := re.fullmatch(r"(\d{1,2}):(\d\d):(\d\d(?:\.\d+)?)", field):
-        hours, minutes, seconds = map(float, match.groups())
-        return 3600 * hours + 60 * minutes + seconds
-    try:
+    with suppress(ValueError):
+        if match := DATE.fullmatch(field):
+            a, sign, b, year, hours, minutes, seconds, half = match.groups()
+            day, month = (b, a) if sign == "/" and int(a) <= 12 else (a, b)
+            midnight = datetime(int(year), int(month), int(day), tzinfo=UTC).timestamp() if sign else 0.0
+            hours = int(hours) % 12 + 12 * (half in "pP") if half else int(hours)
+            return midnight + 3600 * hours + 60 * int(minutes) + float(seconds)
         date = datetime.fromisoformat(field.replace("/", "-"))
-    except ValueError:
-        return np.inf
-    return (date if date.tzinfo else date.replace(tzinfo=UTC)).timestamp()
+        return (date if date.tzinfo else date.replace(tzinfo=UTC)).timestamp()
+    return np.inf

@@ -10,7 +10,7 @@ import numpy as np
 
 from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.recordings.bags import TopicSeries, read_topics, topics
-from cooploc.scenarios.recordings.inspect.csv_draft import ODOMETRY, words_of
+from cooploc.scenarios.recordings.inspect.csv_draft import ODOMETRY, name_meaning, pairs_of_robots, words_of
 from cooploc.scenarios.recordings.inspect.draft_toml import Draft, DraftTable, Entry
 from cooploc.scenarios.recordings.radio_nodes import NodeRanges, assign
 from cooploc.scenarios.recordings.team_log import Series
@@ -42,18 +42,22 @@ def bag_draft(path: Path) -> Draft:
             f"{', '.join(t.name for t in found)[:300]}"
         )
     wheels = {robot: wheels[robot] for robot in truth}
-    ranges = {pair: t.name for t in found if t.type in NUMBERS and (pair := _pair(t.name))}
+    named = pairs_of_robots([t.name for t in found if t.type in NUMBERS], list(truth))
+    ranges = {p: t.name for t in found if t.type in NUMBERS and t.name not in named and (p := _pair(t.name))}
     series = read_topics(path, [*wheels.values(), *truth.values(), *ranges.values()])[0]
     why = "a pose under the name or number of a robot that is not odometry"
     tables = [_odometry(wheels, series), DraftTable("truth", (_topics(truth, why),))]
     if ranges:
         tables.append(_ranges(ranges, truth, series))
+    for pattern in dict.fromkeys(named.values()):
+        entry = Entry("topic", pattern, "topics with the names of two robots", "likely")
+        tables.append(DraftTable(f"{name_meaning(pattern)[0]}s".replace("rssis", "rssi"), (entry,)))
     entries = (
         Entry("format", "bag", "a ROS bag"),
         Entry("robots", list(truth), "what differs between the topics of odometry that have a truth", "likely"),
     )
     used = dict.fromkeys(wheels.values(), "odometry") | dict.fromkeys(truth.values(), "truth")
-    used |= dict.fromkeys(ranges.values(), "range")
+    used |= dict.fromkeys(ranges.values(), "range") | {t: name_meaning(p)[0] for t, p in named.items()}
     columns, unused = [], []
     for t in found:
         form, rate = t.type.rpartition("/")[2], f"{t.messages} messages, {t.rate:.3g} Hz, {t.last - t.first:.3g} s"

@@ -144,8 +144,17 @@ def unit_of_ratio(ratio: float, units: tuple[Unit, ...], near: float) -> Unit | 
 
 
 def check_lengths(c: CheckedLog, i: int) -> None:
-    """Find lengths of truth or odometry in mm or cm: the third quartile of their speeds differs by 1000 or 100."""
+    """Find lengths of truth or odometry in mm or cm: the third quartile of their speeds differs by 1000 or 100.
+
+    And single speeds that no robot of these drives.
+    """
     m, odometry = motion.robot_motion(c.log, i), c.log.odometry[i]
+    speeds = np.abs(odometry.values[:, 0]) if c.log.odometry_kind == "velocity" else np.empty(0)
+    fast = np.flatnonzero(speeds > max(FASTEST, 100 * motion.quantile(speeds, 0.9)))
+    if len(fast):
+        fact = f"{len(fast)} speeds of more than {FASTEST:g} m/s, up to {speeds.max():.3g}"
+        fact += f"; the first {odometry.time[fast[0]] - odometry.time[0]:.1f} s after the start"
+        c.add("jump", i, odometry.source, fact, "sure", "remove these lines", "odometry", ("speed",))
     driven, moved = (motion.quantile(np.abs(m.steps(of).length), 0.75, 8) / m.window for of in (m.odometry, m.truth))
     sides = (
         ("truth", "the truth is", moved, "odometry", driven, m.poses, POSITIONS),
@@ -384,7 +393,7 @@ def check_jumps(c: CheckedLog, i: int) -> None:
     usual, longest = float(np.quantile(speed, 0.9)), max(1.0, 3 * float(np.median(np.diff(t))))
     away, jumps = -1, set[int]()  # the row before the last step that has no step back yet
     for step in np.flatnonzero((apart > JUMP) & (speed > FAST * max(usual, 0.05))).tolist():
-        if away < 0 or t[step] - t[away] > longest:
+        if away < 0 or (t[step] - t[away] > longest and speed[step] < 10 * FASTEST):
             away = step
         elif np.hypot(*(truth.values[step + 1, :2] - truth.values[away, :2])) < apart[away] / 2:
             jumps |= {*range(away + 1, step + 1)}

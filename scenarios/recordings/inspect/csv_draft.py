@@ -24,7 +24,7 @@ from cooploc.scenarios.recordings.inspect.draft_toml import Draft, DraftTable, E
 from cooploc.scenarios.recordings.schema import COLUMNS, UNITS
 from cooploc.scenarios.recordings.text_files import COMMENTS, parse_field, read_text, split_fields
 
-ENDINGS = (".csv", ".txt", ".tsv", ".dat", ".log")
+ENDINGS = (".csv", ".txt", ".tsv", ".dat", ".log", ".tum")
 DELIMITERS = (";", ",", "\t", "|", " ")
 REMEDY = "name the files odom_NAME.csv and truth_NAME.csv, or write log.toml by hand (docs/how-to/robots.md)"
 READINGS = {"sightings": ("range", "bearing"), "ranges": ("range",), "rssi": ("rssi",)}  # table -> its columns
@@ -66,7 +66,8 @@ def name_meaning(column: str) -> tuple[str, str, str]:
     words = words_of(re.sub(r"[\[(][^\])]*[\])]", " ", column))
     pair = next((f"{a} {b}" for a, b in pairwise(words) if f"{a} {b}" in QUANTITY_OF_PAIR), "")
     known = [QUANTITY[word] for word in words if word in QUANTITY]
-    quantity = QUANTITY_OF_PAIR[pair] if pair else min(known, key=list(_WORDS["quantities"]).index, default="")
+    unknown = "range" if "{other}" in column and words in (["r"], ["rho"]) else ""
+    quantity = QUANTITY_OF_PAIR[pair] if pair else min(known, key=list(_WORDS["quantities"]).index, default=unknown)
     unit = next((UNIT[word] for word in (words_of(inside[1]) if inside else words[1:]) if word in UNIT), "")
     if quantity in RATES:
         unit = f"{unit}/s" if unit in (*LENGTH, *ANGLE) else unit * ("/" in unit)
@@ -117,7 +118,7 @@ class CsvTable(NamedTuple):
 
 def read_csv(path: Path, name: str) -> CsvTable:
     """Read a CSV file whose first line names the columns; lines that are too short or too long are left out."""
-    text = read_text(path, "utf-8-sig").lstrip()
+    text = read_text(path).lstrip()
     if not text:
         raise BadInput(f"{path}: the file is empty; get it again")
     lines = text.split("\n")
@@ -151,7 +152,7 @@ def columns_of_robots(head: Sequence[str]) -> tuple[dict[str, str], tuple[str, .
     no_names = {*QUANTITY, *SIDE, *UNIT, *(word for word, kind in OTHERS.items() if kind == "no_robots")}
     for column in head:
         for match in re.finditer(r"\d+|[A-Za-z]+?(?=\d|[A-Z][a-z]|[^A-Za-z]|$)", column):
-            if not {*words_of(match[0])} & no_names:
+            if not (words := {*words_of(match[0])}) or words - no_names:
                 pattern = f"{column[: match.start()]}{{robot}}{column[match.end() :]}"
                 words_at.setdefault(pattern, {})[match[0]] = column
     teams: dict[frozenset[str], set[str]] = {}
@@ -163,12 +164,19 @@ def columns_of_robots(head: Sequence[str]) -> tuple[dict[str, str], tuple[str, .
         return {}, ()
     found = {column: p for p, of in words_at.items() if {*of} == team for column in of.values()}
     robots = tuple(dict.fromkeys(word for of in words_at.values() if {*of} == team for word in of))
-    for a, b in permutations(robots, 2):
+    return found | pairs_of_robots(head, robots), robots
+
+
+def pairs_of_robots(names: Iterable[str], robots: Sequence[str]) -> dict[str, str]:
+    """Return patterns of names with two robots: r12 is r{robot}{other} of 1 and 2, uwb_1_2 is uwb_{robot}_{other}."""
+    found: dict[str, str] = {}
+    for a, b in permutations(map(re.escape, robots), 2):
         pair = re.compile(rf"(?<![A-Za-z0-9]){a}(\D*?){b}(?![A-Za-z0-9])|(?<=[A-Za-z]){a}(\D*?){b}(?!\d)")
-        for column in head:
-            if name_meaning(column)[0] in ("range", "rssi") and pair.search(column):
-                found[column] = pair.sub(lambda m: f"{{robot}}{m[1] or m[2] or ''}{{other}}", column)
-    return found, robots
+        for name in names:
+            pattern = pair.sub(lambda m: f"{{robot}}{m[1] or m[2] or ''}{{other}}", name)
+            if pattern != name and name_meaning(pattern)[0] in ("range", "rssi"):
+                found[name] = pattern
+    return found
 
 
 def _read_files(paths: Iterable[Path], folder: Path, data: Path) -> tuple[list[CsvTable], list[str]]:
@@ -201,12 +209,18 @@ TUM = (("time", "s"), ("x", "m"), ("y", "m"), ("", ""))  # quantities and units 
 def infer_columns(table: CsvTable) -> tuple[Guess, ...]:
     """Guess the meaning of each column."""
     file_side, quaternions = side_of(words_of(Path(table.name).stem)), _quaternions(table)
-    return tuple(
+    guesses = [
         quaternions[column]._replace(side=side_of(words_of(column)) or file_side)
         if column in quaternions
         else _guess(table, column, file_side)
         for column in table.columns
-    )
+    ]
+    both = [g for g in guesses if g.quantity in NAMES or g.column in ("i", "j")]  # robot1 and robot2, or i and j
+    if len(both) == 2 and {*table.names(both[0].column)} & {*table.names(both[1].column)}:
+        for one, quantity in zip(both, NAMES, strict=True):
+            if both[0].quantity == both[1].quantity:
+                guesses[guesses.index(one)] = one._replace(quantity=quantity, reason="two columns with the same names")
+    return tuple(guesses)
 
 
 def _quaternions(table: CsvTable) -> dict[str, Guess]:
@@ -247,9 +261,10 @@ def _guess(table: CsvTable, column: str, file_side: str) -> Guess:
         and column[1:]
         and column[-1] == "w"
         and [name_meaning(n)[0] for n in places] == ["x", "y"]
+        and "speed" not in dict(beside)
     ):
         unknown = "w beside x and y: part of a quaternion, or a heading"
-    elif quantity in ("time", "sec") and len(values) > 1 and (change < 0).mean() > 0.01:
+    elif quantity in ("time", "sec") and len(values) > 1 and (change < 0).mean() > 0.3:
         unknown = f"its name says {quantity}, but its values fall"
     if unknown:
         return Guess(column, "", "", side, unknown)
@@ -373,6 +388,29 @@ def _parts(file: CsvTable) -> list[TablePart]:
     return parts
 
 
+def _name_readings(file: CsvTable, robots: Sequence[str], fixed: Sequence[str]) -> CsvTable:
+    """Return the file with its columns of two robots as patterns, and those named as places as readings of these."""
+    if not file.robots and (pairs := pairs_of_robots(file.columns, robots)):
+        file = file._replace(columns={pairs.get(c, c): values for c, values in file.columns.items()})
+        file = file._replace(guesses=infer_columns(file))
+    of = [column for column in file.columns if column in fixed and len(file.numbers(column))]
+    kind = "rssi" if any((file.numbers(column) < 0).all() for column in of) else "range"
+    found = {
+        c: Guess(c, kind, *_unit(kind, "", file.numbers(c), np.inf)[:1], "", "its name is that of a place") for c in of
+    }
+    return file._replace(guesses=tuple(found.get(g.column, g) for g in file.guesses))
+
+
+def _lack(file: CsvTable) -> str:
+    """Return why a file makes no table; "" where it makes one."""
+    if _parts(file) or not {g.quantity for g in file.guesses} & {"time", "sec"}:
+        return "" if _parts(file) else "no column of it holds stamps (time)"
+    unknown = "; ".join(f"{g.column}: {g.reason}" for g in file.guesses if not g.quantity and g.reason != PART)
+    return (
+        f"its columns make no table, of stamps with motion, positions or readings{f' ({unknown})' if unknown else ''}"
+    )
+
+
 def _first_columns(
     guesses: Sequence[Guess], quantities: Sequence[str], sides: Sequence[str] = ("", "truth", "odometry")
 ) -> dict[str, Guess]:
@@ -477,7 +515,7 @@ def file_pattern(files: Sequence[str], known: Sequence[str] = ()) -> tuple[str, 
 def match_names(words: Iterable[str], robots: Sequence[str]) -> dict[str, str]:
     """Return the robots that other words mean: the same but for capitals and signs, else with the same number."""
     found: dict[str, str] = {}
-    for form in (_letters, _last_number):
+    for form in (_letters, _last_number, _last_word):
         for word in dict.fromkeys(words):
             alike = [r for r in robots if form(word) and form(r) == form(word) and r not in found.values()]
             if word not in robots and word not in found and len(alike) == 1:
@@ -491,6 +529,10 @@ def _letters(name: str) -> str:
 
 def _last_number(name: str) -> str:
     return next(reversed(re.findall(r"\d+", name)), "").lstrip("0")
+
+
+def _last_word(name: str) -> str:
+    return next(reversed(re.findall(r"[^\W_]+", name)), "").lower()
 
 
 def _clean_name(word: str) -> str:
@@ -533,22 +575,26 @@ def _draft_run(folder: Path, data: Path) -> tuple[Draft, tuple[str, ...]]:
         doubts = (Finding("robots", "", "", f"{common}, may be of one robot each, or runs of one", "perhaps", setting),)
     entries = [Entry("format", "csv", f"{len(files)} text files with columns")]
     files = files[:1] if runs else files
-    parts_of = {file.name: _parts(file) for file in files}
-    lacking = "its columns make no table, of stamps with motion, positions or readings"
-    unused += [f"{name}: {lacking}" for name, some in parts_of.items() if not some]
-    parts = _merge_parts([part for some in parts_of.values() for part in some], unused)
+    parts = _merge_parts([part for file in files for part in _parts(file)], unused)
+    lacking = {file.name: lack for file in files if (lack := _lack(file))}
     motion = "odometry (speeds and turn rates, poses, or steps), from which every estimator starts"
     for needed, words in (("odometry", motion), ("truth", "truth (x and y)")):
         if needed not in {part.table for part in parts}:
             if nameless := next((file.name for file in files if [*file.columns][:2] == ["1", "2"]), ""):
                 unread = f"{folder / nameless}: numbers where the names of the columns should be; add a line of names"
+            odd = [name for name in lacking if side_of(words_of(Path(name).stem)) in ("", needed)]
+            if odd and not unread:
+                unread = f"{folder / odd[0]}: {lacking[odd[0]]}, and so no {needed}; name its columns in log.toml"
             raise BadInput(unread or f"{folder}: no file has columns that look like {words}; {REMEDY}")
     robots = ("robot",) if runs else _robots(folder, parts)
+    fixed = [name for part in parts if part.table in ("anchors", "landmarks") for name in _surveyed(part)]
+    files = [_name_readings(file, robots, fixed) for file in files]
+    unused += [f"{file.name}: {lack}" for file in files if (lack := _lack(file))]
+    parts = _merge_parts([part for file in files for part in _parts(file)], [])
     entries.append(Entry("robots", list(robots), why or "their names in the names of the files", "likely"))
     delimiter = files[0].delimiter
     if delimiter != ",":
         entries.append(Entry("delimiter", delimiter, "between the names in the first line"))
-    fixed = [name for part in parts if part.table in ("anchors", "landmarks") for name in _surveyed(part)]
     tables: dict[str, DraftTable] = {}
     for part in parts:
         table = _draft_table(part, robots, fixed, runs, delimiter)
@@ -578,10 +624,13 @@ def _draft_table(
     pattern, named = file_pattern(files, robots)
     words = [*named, *part.names("robot"), *part.names("other")]
     nodes = match_names([word for word in words if _clean_name(word) not in fixed], robots)
+    pairs = pairs_of_robots(files, robots) if table in READINGS else {}
     if runs:
         file = Entry("file", f"{{run}}{Path(files[0]).suffix}", "a file for each run")
     elif any("{robot}" in g.column for g in columns.values()):
         file = Entry("file", files[0], "one file for all robots, with columns of each")
+    elif len(pairs) == len(files) and len({*pairs.values()}) == 1:
+        file = Entry("file", next(iter(pairs.values())), "a file for each pair of robots")
     elif "robot" in columns and (len(files) == 1 or not named):
         file = Entry("file", files[0], "one file for all robots")
     elif {nodes.get(name, name) for name in named} & {*robots}:
@@ -595,11 +644,16 @@ def _draft_table(
     stamps = [_column(guess) for guess in time]
     at = stamps if len(stamps) > 1 else stamps[0]
     each = [g for g in part.files[0].guesses if g.quantity == table.removesuffix("s")] if table in READINGS else []
-    if table in READINGS and "other" not in columns and not any("{other}" in g.column for g in each):
+    if (
+        table in READINGS
+        and "other" not in columns
+        and "{other}" not in " ".join([file.value, *(g.column for g in each)])
+    ):
         found = _each_thing(table, each, [*robots, *fixed], robots)
         if isinstance(found, str):
             return f"{names}: {found}"
-        return DraftTable(table, (file, Entry("time", at, time[0].reason), found))
+        whose = tuple(_entry("robot", columns["robot"]) for _ in columns.keys() & {"robot"})
+        return DraftTable(table, (file, Entry("time", at, time[0].reason), *whose, found))
     entries = [Entry("kind", part.kind, "its columns")] if part.kind else []
     if part.files[0].delimiter != delimiter:
         entries.append(Entry("delimiter", part.files[0].delimiter, "between the fields of these files"))

@@ -156,7 +156,8 @@ def common_span(log: TeamLog, robots: Sequence[int] | None = None) -> float:
         begin, end = span(log._replace(odometry=odometry, truth=truth))
     except BadInput:
         return 0.0
-    return end - begin
+    ends = [series.time[-1] for series in truth if series is not None and len(series.time)]
+    return max(float(min([end, *ends])) - begin, 0.0)
 
 
 # --- Text

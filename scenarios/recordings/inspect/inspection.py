@@ -16,6 +16,7 @@ from cooploc.scenarios.recordings.inspect.draft_toml import Draft, Entry, common
 from cooploc.scenarios.recordings.scenario import NO_ORDER, TeamScenario, reader
 from cooploc.scenarios.recordings.team_log import TeamLog, other_names
 
+NOT_FALLING, NO_RSSI = "does not fall with distance", "[rssi] is left out of log.toml"
 TOO_LITTLE = "too little for"  # in the problem of a recording that is too short to be fitted
 
 
@@ -39,6 +40,7 @@ class Trial(NamedTuple):
 
     problem: str  # why they do not run; "" if they do
     lines: tuple[str, ...] = ()  # what is judged of each, and why it may rank nothing
+    faults: tuple[str, ...] = ()  # of all, what was mended while reading
 
 
 class Inspected(NamedTuple):
@@ -56,6 +58,12 @@ class Inspected(NamedTuple):
     unused: tuple[str, ...]
     text: str  # of log.toml: the one that is there, or a draft
     trial: Trial  # of that log.toml
+
+    @property
+    def faults(self) -> list[str]:
+        """Sentences on what was mended in any run, and on files that cannot be read."""
+        unread = [line for line in self.unused if line.startswith(str(self.path))]
+        return list(dict.fromkeys([*unread, *self.log.warnings, *self.trial.faults]))
 
 
 def inspect_recording(path: Path, run: str = "", again: bool = False) -> Inspected:
@@ -90,6 +98,11 @@ def inspect_recording(path: Path, run: str = "", again: bool = False) -> Inspect
         draft = draft_toml.complete_draft(path, draft, checked.log, findings, len(places))
         text = draft.text(draft_toml.head_lines(path, why, draft))
     trial = try_draft(directory, schema.parse(home, text))
+    if not stated and NOT_FALLING in trial.problem:
+        unused = (*draft.unused, f"{NO_RSSI}: {trial.problem}")
+        draft = draft._replace(tables=tuple(t for t in draft.tables if t.name != "rssi"), unused=unused)
+        text = draft.text(draft_toml.head_lines(path, why, draft))
+        trial = try_draft(directory, schema.parse(home, text))
     if not stated and len(places) < 2 and TOO_LITTLE in trial.problem:
         draft = draft_toml.assume_models(draft)
         assumed = draft.text(draft_toml.head_lines(path, why, draft))
@@ -115,7 +128,8 @@ def recognize(path: Path) -> tuple[str, str]:
         return "mrclam", "Barcodes.dat is of MRCLAM"
     if ending.keys() & {*ENDINGS}:
         return "csv", "text files with columns"
-    raise BadInput(f"{path}: there is no CSV file, bag, PyFG file or MRCLAM text in it; name another directory")
+    here = f" ({files[0].name} is none; save what is in it as CSV)" if files else ""
+    raise BadInput(f"{path}: there is no CSV file, bag, PyFG file or MRCLAM text in it{here}; name another directory")
 
 
 def series_rows(log: TeamLog) -> list[SeriesRow]:
@@ -167,9 +181,10 @@ def try_draft(data: Path, description: schema.TeamDescription) -> Trial:
             robots = f"{stream.robots} robot{'s' * (stream.robots > 1)}"
             weak = f"; it {NO_ORDER}: " + "; ".join(reasons) if (reasons := run.weaknesses(truth, stream)) else ""
             lines.append(f"run {run.run!r}: {robots}, {float(f'{seconds:.3g}'):g} s are judged{weak}")
+        lines += scenario.too_short.values()
     except BadInput as e:
         return Trial(str(e))
-    return Trial("", tuple(lines))
+    return Trial("", tuple(lines), tuple(scenario.faults()))
 
 
 def common_robots(log: TeamLog) -> tuple[str, ...]:

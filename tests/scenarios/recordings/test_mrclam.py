@@ -153,7 +153,7 @@ def test_the_seed_changes_nothing_and_assumptions_leave_the_readings(data):
     ("name", "line", "text", "said"),
     [
         ("Robot1_Measurement.dat", 6, "1248272001.000 14.5 1 0", "14.5 is not a whole number"),
-        ("Robot1_Measurement.dat", 6, "1248272001.000 \xe9 1 0", "plain ASCII text"),
+        ("Robot1_Measurement.dat", 6, "1248272001.000 \xe9 1 0", "barcode is 'é', which is not a number"),
         ("Barcodes.dat", 6, "2 5", "barcode 5 was given before"),
         ("Barcodes.dat", 6, "9 14", "subject 2 has no barcode"),
         ("Landmark_Groundtruth.dat", 6, "5 0 0 0 0", "subject 5 was given before"),
@@ -173,6 +173,17 @@ def test_a_bad_line_is_named_or_left_out(data, name, line, text, said):
     except BadInput as e:
         lines = (str(e),)
     assert any(said in one and "\n" not in one for one in lines), lines
+
+
+@pytest.mark.parametrize("kind", mrclam.FILES)
+def test_a_robot_whose_file_is_lost_is_left_out(data, kind):
+    (data / f"Robot1_{kind}.dat").write_text("\ufeff# only the head\n", encoding="utf-8")
+    log = mrclam.read_run(data, "set", None)
+    assert log.robots == ("2",)
+    assert log.warnings[0].startswith(f"{data}/Robot1_{kind}.dat: the file is empty")
+    (data / f"Robot2_{kind}.dat").unlink()
+    with pytest.raises(BadInput, match=f"Robot1_{kind}.dat: the file is empty.*; get the file again$"):
+        mrclam.read_run(data, "set", None)
 
 
 @pytest.mark.parametrize(

@@ -10,8 +10,11 @@ from made_bags import KINDS, made_bag
 from made_csv_teams import eight_glitches, two_robots, write
 
 import cooploc as cl
+from cooploc.analysis.execution.run import prepare
+from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.recordings import scenario
 from cooploc.scenarios.recordings.inspect import inspection
+from cooploc.scenarios.studies.study import load, resolve_study
 
 DATA = Path(os.environ.get("COOPLOC_DATA", "../shared/data"))
 STARTS = {"A": (0, 0), "B": (1, 2)}
@@ -84,6 +87,63 @@ def test_the_draft_of_a_made_recording_runs(tmp_path, name, change, monkeypatch)
     (tmp_path / "made").mkdir()
     MADE[name](tmp_path / "made")
     require_run_of_draft(tmp_path / "made", tmp_path / "out", change, monkeypatch)
+
+
+def tum_files(folder):
+    for name, columns in two_robots(seconds=40).items():
+        kind, _, robot = name.partition("_")
+        if kind == "truth":
+            t, x, y, h = columns.values()
+            rows = np.stack([t, x, y, 0 * x, 0 * x, 0 * x, np.sin(h / 2), np.cos(h / 2)], -1)
+            for side in ("gt", "odom"):
+                np.savetxt(folder / f"{robot[:-4]}_{side}.tum", rows, fmt="%.4f")
+
+
+def mrclam_files(folder):
+    angles = 0.02 * np.arange(400)
+    at = np.stack([1_248_000_000 + angles / 0.2, np.cos(angles), np.sin(angles), angles + np.pi / 2], -1)
+    for robot in "12":
+        np.savetxt(folder / f"Robot{robot}_Groundtruth.dat", at, fmt="%.4f")
+        np.savetxt(folder / f"Robot{robot}_Odometry.dat", np.insert(at[:, :1], 1, [[0.2], [0.2]], 1), fmt="%.4f")
+        np.savetxt(folder / f"Robot{robot}_Measurement.dat", [[t, 6, 2.0, 0.1] for t in at[::9, 0]], fmt="%.4f")
+    (folder / "Barcodes.dat").write_text("1 5\n2 14\n6 6\n")
+    (folder / "Landmark_Groundtruth.dat").write_text("6 3 0 0.001 0.001\n")
+
+
+def torn(make, pattern):
+    """The recording, and a line that is cut off in the middle of one file."""
+
+    def tear(folder):
+        make(folder)
+        path = next(folder.glob(pattern))
+        lines = path.read_text().split("\n")
+        path.write_text("\n".join([*lines[:60], lines[60][:9], *lines[61:]]))
+
+    return tear
+
+
+FAULTS = {
+    "csv": (torn(lambda folder: write(folder, two_robots(seconds=40)), "truth_red.csv"), "line 61: 1 fields, not 4"),
+    "tum": (torn(tum_files, "red_gt.tum"), "line 61: 1 fields, not 8"),
+    "graph": (torn(made_graph, "graph.pyfg"), "1 lines of 'VERTEX_SE', which is not read"),
+    "mrclam": (torn(mrclam_files, "Robot2_Odometry.dat"), "line 61: 1 columns, not 3"),
+    **{f"bag {k}": (lambda f, k=k: made_bag(f, k, 20.0, behind=900), "900.0 s behind") for k in KINDS},
+}
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_a_strict_run_refuses_what_another_mends_and_says(tmp_path, name):
+    make, said = FAULTS[name]
+    (tmp_path / "made").mkdir()
+    make(tmp_path / "made")
+    found = cl.inspect(tmp_path / "made")
+    assert found.inspected.trial.problem == ""
+    assert any(said in line for line in found.inspected.faults)
+    found.write(tmp_path / "out")
+    study = resolve_study(load("log"), tmp_path / "out")
+    assert any(said in line for line in study.cells[0].scenario.explanations())
+    with pytest.raises(BadInput, match="mend the recording, or leave out --strict"):
+        prepare(load("log"), tmp_path / "out", strict=True)
 
 
 @pytest.mark.parametrize("change", ["no odometry", "no truth", "much too late"])
