@@ -10,15 +10,18 @@ L. Breiman et al., "Classification and Regression Trees", 1984, sec. 3.4.3 (the 
 """
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from itertools import pairwise
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from scipy.stats import norm
+from scipy.stats import t as student
 
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Indices, Mask, Motion, Sensor
 from cooploc.estimators.models import NEAR, Displacement, LogDistance, Range, Sighting, Unicycle, wrap
+from cooploc.estimators.robust import DEGREES, Loss, lost
 from cooploc.scenarios.recordings.sampling import Gaps, Grid, bearing, ends, grid_of_lines, odometry, poses
 from cooploc.scenarios.recordings.team_log import Channel, TeamLog, fixed_places, other_names
 
@@ -552,12 +555,7 @@ def choose_fit(log: TeamLog, parts: Sequence[FitPart], how: FitSettings) -> tupl
     """
     if not parts:
         return how._replace(robust=True), "nothing is fitted"
-    pieces = list(parts)
-    if len(parts) == 1:
-        edges = np.linspace(parts[0].begin, parts[0].end, PIECES + 1).tolist()
-        pieces = [parts[0]._replace(begin=a, end=b) for a, b in pairwise(edges)]
-    folds = [([*pieces[:i], *pieces[i + 1 :]], out) for i, out in enumerate(pieces)]
-    errors = np.array([[held_out_error(log, *fold, how, robust) for robust in (False, True)] for fold in folds])
+    errors = np.array([[held_out_error(log, *fold, how, robust) for robust in (False, True)] for fold in _folds(parts)])
     errors = errors[np.isfinite(errors).all(1)]
     if len(errors) < 2:
         return how._replace(robust=True), "fitted robustly (Huber's loss); too little can be left out to compare"
@@ -565,10 +563,55 @@ def choose_fit(log: TeamLog, parts: Sequence[FitPart], how: FitSettings) -> tupl
     chosen = "robustly (Huber's loss)" if robust else "by least squares"
     plain, huber = np.exp(np.log(errors).mean(0))
     tie = " (no more than a standard error worse)" * bool(robust and huber > plain)
-    what = f"{len(errors)} {'pieces' if len(parts) == 1 else 'runs'}, left out in turn"
+    what = _left_out(errors, parts)
     return how._replace(robust=robust), (
         f"fitted {chosen}: {what}, are predicted with an error (CRPS) of {huber:.3g} by the robust fit{tie}, of "
         f"{plain:.3g} by least squares"
+    )
+
+
+def _folds(parts: Sequence[FitPart]) -> list[tuple[list[FitPart], FitPart]]:
+    pieces = list(parts)
+    if len(parts) == 1:
+        edges = np.linspace(parts[0].begin, parts[0].end, PIECES + 1).tolist()
+        pieces = [parts[0]._replace(begin=a, end=b) for a, b in pairwise(edges)]
+    return [([*pieces[:i], *pieces[i + 1 :]], out) for i, out in enumerate(pieces)]
+
+
+def _left_out(scores: Array, parts: Sequence[FitPart]) -> str:
+    return f"{len(scores)} {'pieces' if len(parts) == 1 else 'runs'}, left out in turn"
+
+
+SPREADS: Mapping[Loss, float] = {  # log of the integral of exp(-rho)
+    "none": float(np.log(2 * np.pi) / 2),
+    "huber": float(np.log(np.sqrt(2 * np.pi) * (2 * norm.cdf(K) - 1) + 2 * np.exp(-(K**2) / 2) / K)),
+    "student": -float(student.logpdf(0, DEGREES)),
+}
+
+
+def choose_loss(log: TeamLog, parts: Sequence[FitPart], how: FitSettings) -> tuple[Loss, str]:
+    """Return the loss by which filters weigh the readings, and a sentence that says why, with its score.
+
+    What is left out is scored as by `choose_fit`, by the log-likelihood of its readings under the density of each loss.
+    Readings count fully unless another density is better by more than one standard error over the parts.
+    """
+    scores = []
+    for fitted, out in _folds(parts):
+        with suppress(BadInput):
+            models = team_models(log, fitted, how._replace(inflate=False))
+            found = [one.residual / one.sigma for one in link_residuals(log, [], out, models, how) if len(one.residual)]
+            d2 = np.concatenate(found or [np.empty(0)]) ** 2
+            scores += [[(lost(loss, d2, 1) / 2).mean() + spread for loss, spread in SPREADS.items()]] * bool(len(d2))
+    if len(scores) < 2:
+        return "none", "readings count fully (loss=none), as too little can be left out to compare"
+    gains = np.array(scores)[:, :1] - np.array(scores)[:, 1:]
+    mean, error = gains.mean(0), gains.std(0, ddof=1) / np.sqrt(len(gains))
+    best = int(np.argmax(mean))
+    other, better = list(SPREADS)[1 + best], bool(mean[best] > error[best])
+    chosen, count = (other, "far from what is expected count less") if better else ("none", "count fully")
+    return chosen, (
+        f"readings {count} (loss={chosen}): {_left_out(gains, parts)}, have with loss={other} a log-likelihood that "
+        f"differs by {mean[best]:+.3f} a reading from Gaussian noise (one standard error: {error[best]:.3f})"
     )
 
 

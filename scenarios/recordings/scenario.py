@@ -22,7 +22,8 @@ from pydantic import Field
 from cooploc.estimators import nearest
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Mask, World
-from cooploc.estimators.models import Range
+from cooploc.estimators.models import Range, inflate
+from cooploc.estimators.robust import Loss
 from cooploc.scenarios.recordings import sampling, schema
 from cooploc.scenarios.recordings.fit import (
     FitPart,
@@ -30,6 +31,7 @@ from cooploc.scenarios.recordings.fit import (
     LinkResiduals,
     TeamModels,
     choose_fit,
+    choose_loss,
     link_residuals,
     team_models,
 )
@@ -131,7 +133,8 @@ class JudgedRun(NamedTuple):
     models: TeamModels
     arena: Array  # (2, 2) [m]
     how: FitSettings
-    choice: str  # why the fit is robust or not, in a sentence
+    choice: str  # why the fit, and the loss of readings, are robust or not
+    loss: Loss
 
 
 class TeamScenario(schema.Model):
@@ -143,6 +146,7 @@ class TeamScenario(schema.Model):
     bias: Literal["fitted", "none"] = "fitted"  # of ranges: subtracted as fitted; or raw, and part of sigma
     correlation: Literal["inflate", "ignore"] = "inflate"  # of readings in time: a larger sigma, or none
     robust: bool | None = None  # whether Huber's loss is minimised; None: where it predicts no worse
+    loss: Loss | None = None  # by which filters weigh readings; None: as log.toml says, or what predicts best
     packets: Literal["every tick", "with a reading"] = "every tick"
     tick: Annotated[float, Field(ge=0.01, le=60)] | None = None  # [s]
     start: Annotated[float, Field(ge=0)] | None = None  # [s] left out at the beginning
@@ -187,12 +191,16 @@ class TeamScenario(schema.Model):
         if self.robust is None:
             how, choice = choose_fit(log, parts, how)
         models = team_models(log, parts, how)
+        loss = self.loss or fit.loss
+        if loss is None:
+            loss, why = choose_loss(log, parts, how)
+            choice = f"{choice}; {why}"
         corners, fixed = self.folder.description.arena, np.concatenate([log.anchors.positions, log.landmarks.positions])
         if not corners and not len(fixed):
             lack = "there are no fixed things around which the arena lies; state its corners [m] in log.toml"
             raise BadInput(f"{self.folder.data}: {lack}: arena = [[0, 0], [6, 4]]")
         arena = np.array(corners, float) if corners else arena_around(fixed)
-        return JudgedRun(log, grid, parts, models, arena, how, choice)
+        return JudgedRun(log, grid, parts, models, arena, how, choice, loss)
 
     @cached_property
     def _by_trial(self) -> dict[int, "TeamScenario"]:
@@ -217,8 +225,8 @@ class TeamScenario(schema.Model):
 
     def world(self) -> World:
         """Return what the team knows of this run: fixed things, arena, and assumed models."""
-        log, grid, _, models, arena, *_ = self.judged_run
-        return World(
+        log, grid, _, models, arena, _, _, loss = self.judged_run
+        world = World(
             robots=len(log.robots),
             tick=grid.tick,
             arena=arena,
@@ -228,6 +236,7 @@ class TeamScenario(schema.Model):
             landmarks=log.landmarks.positions,
             t0=log.zero + grid.t0,
         )
+        return inflate(world, 1.0, loss)
 
     def simulate(self, label: str, trials: Sequence[int], seed: int, world: World) -> tuple[Truth, Stream]:
         """Truth and stream of one run, with `world` as what the team knows; the seed changes nothing."""
@@ -308,7 +317,7 @@ class TeamScenario(schema.Model):
 
     def link_residuals(self) -> list[LinkResiduals]:
         """Return the residuals of the run after its models, where these were fitted and where they are judged."""
-        log, grid, parts, models, _, how, _ = self.judged_run
+        log, grid, parts, models, _, how, *_ = self.judged_run
         return list(link_residuals(log, parts, FitPart(log, grid.t0, float(grid.edges[-1])), models, how))
 
     def _names(self) -> list[str]:

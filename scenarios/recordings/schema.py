@@ -39,6 +39,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 
 from cooploc.estimators import nearest
 from cooploc.estimators.errors import BadInput, plain_words
+from cooploc.estimators.robust import Loss
 from cooploc.scenarios.worlds.radio import Positive
 
 UNITS: dict[str, dict[str, float]] = {  # SI unit -> unit -> one of it in SI
@@ -292,6 +293,7 @@ class Fit(Strict):
 
     on: Literal["other runs", "first part", "nothing"] = "other runs"  # nothing: [model] states all
     seconds: Positive | None = None  # [s] how long the first part is
+    loss: Loss | None = None  # by which filters weigh readings; None: what predicts left-out parts best
 
     @model_validator(mode="after")
     def _has_a_length(self) -> Self:

@@ -181,6 +181,7 @@ def try_draft(data: Path, description: schema.TeamDescription) -> Trial:
             robots = f"{stream.robots} robot{'s' * (stream.robots > 1)}"
             weak = f"; it {NO_ORDER}: " + "; ".join(reasons) if (reasons := run.weaknesses(truth, stream)) else ""
             lines.append(f"run {run.run!r}: {robots}, {float(f'{seconds:.3g}'):g} s are judged{weak}")
+            lines.append(f"run {run.run!r}: {run.judged_run.choice}")
         lines += scenario.too_short.values()
     except BadInput as e:
         return Trial(str(e))

@@ -9,9 +9,10 @@ from statsmodels.api import RLM
 from statsmodels.robust.norms import HuberT
 from statsmodels.robust.scale import HuberScale
 
+from cooploc.estimators.robust import lost
 from cooploc.scenarios import resolve
 from cooploc.scenarios.recordings import fit
-from cooploc.scenarios.recordings.fit import K, Residuals, crps, huber, is_no_worse
+from cooploc.scenarios.recordings.fit import SPREADS, K, Residuals, crps, huber, is_no_worse
 
 
 def residuals(rng, links=3, ticks=2000, burst=None):
@@ -107,16 +108,33 @@ def test_a_tie_is_robust_and_what_is_shown_worse_is_not(worse, taken):
     assert is_no_worse(np.stack([np.ones(len(worse)), worse], -1)) == taken
 
 
-def test_outliers_of_one_run_make_the_fit_of_another_robust_and_the_sentence_has_both_scores(tmp_path):
+@pytest.mark.parametrize("loss", SPREADS)
+def test_the_density_of_a_loss_integrates_to_one(loss):
+    assert quad(lambda z: np.exp(-lost(loss, np.array(z**2), 1) / 2 - SPREADS[loss]), -80, 80)[0] == pytest.approx(
+        1, abs=1e-4
+    )
+
+
+def with_late_signals(path):
+    head, *lines = path.read_text().splitlines()
+    cells = [line.rsplit(",", 1) for line in lines]
+    late = [f"{start},{float(d) + 4.0 * (k % 5 == 0)}" for k, (start, d) in enumerate(cells)]
+    path.write_text("\n".join([head, *late]))
+
+
+def test_outliers_make_the_fit_and_the_loss_robust_and_the_sentence_has_the_scores(tmp_path):
     for seed, name in enumerate(("one", "two", "three", "judged")):
         write(tmp_path / name, seed, 40.0)
     describe(tmp_path, ('on = "first part"\nseconds = 60.0', 'on = "other runs"'))
-    head, *lines = (tmp_path / "one" / "uwb.csv").read_text().splitlines()
-    cells = [line.rsplit(",", 1) for line in lines]
-    late = [f"{start},{float(d) + 4.0 * (k % 5 == 0)}" for k, (start, d) in enumerate(cells)]
-    (tmp_path / "one" / "uwb.csv").write_text("\n".join([head, *late]))
+    assert resolve("log/judged", tmp_path).model.judged_run.loss == "none"
+    with_late_signals(tmp_path / "one" / "uwb.csv")
     judged = resolve("log/judged", tmp_path).model.judged_run
     assert judged.how.robust
     assert "3 runs, left out in turn" in judged.choice
     plain = resolve("log/judged", tmp_path, robust=False).model.judged_run
     assert judged.models.sensors["radio_range"].sigma < plain.models.sensors["radio_range"].sigma / 3
+    for name in ("two", "three"):
+        with_late_signals(tmp_path / name / "uwb.csv")
+    heavy = resolve("log/judged", tmp_path).model
+    assert heavy.judged_run.loss == heavy.world().sensors["radio_range"].loss != "none"
+    assert f"loss={heavy.judged_run.loss}" in heavy.judged_run.choice
