@@ -601,7 +601,8 @@ def choose_loss(log: TeamLog, parts: Sequence[FitPart], how: FitSettings) -> tup
             models = team_models(log, fitted, how._replace(inflate=False))
             found = [one.residual / one.sigma for one in link_residuals(log, [], out, models, how) if len(one.residual)]
             d2 = np.concatenate(found or [np.empty(0)]) ** 2
-            scores += [[(lost(loss, d2, 1) / 2).mean() + spread for loss, spread in SPREADS.items()]] * bool(len(d2))
+            if len(d2):
+                scores.append([(lost(loss, d2, 1) / 2).mean() + spread for loss, spread in SPREADS.items()])
     if len(scores) < 2:
         return "none", "readings count fully (loss=none), as too little can be left out to compare"
     gains = np.array(scores)[:, :1] - np.array(scores)[:, 1:]
