@@ -19,7 +19,7 @@ import pandas as pd
 
 from cooploc.analysis.claims import ledger as ledgers
 from cooploc.analysis.claims import multiverse
-from cooploc.analysis.claims.verdicts import judge_at_look, judge_run, lasting, open_cells, verdict_sentence
+from cooploc.analysis.claims.verdicts import drop_timed, judge_at_look, judge_run, open_cells, verdict_sentence
 from cooploc.analysis.execution import reproduce as again
 from cooploc.analysis.execution.run import Answers, execute, prepare, run_until_decided, trial_seconds
 from cooploc.analysis.execution.run_directory import PARTS, read_run, select
@@ -195,7 +195,7 @@ def _question_of(ledger: ledgers.Ledger) -> Callable[[pd.DataFrame, int], Answer
     def ask(rows: pd.DataFrame, n: int) -> Answers:
         nonlocal found
         found = judge_at_look(ledger, rows, n, found)
-        judged = lasting(ledger, found)
+        judged = drop_timed(ledger, found)
         still = int((judged["verdict"] == "undecided").sum())
         records = [dict(row) for _, row in judged[CLAIMED].fillna("").iterrows()]
         cells = frozenset(open_cells(ledger, rows, found))

@@ -185,7 +185,7 @@ class Adapter:
 
     @property
     def trained_on(self) -> str:
-        """What the class says that its artifacts were learned from."""
+        """The data that the artifacts were learned from, as the class says."""
         return str(getattr(self.make, "trained_on", ""))
 
     def __repr__(self) -> str:

@@ -51,7 +51,7 @@ def configurations(name: str) -> Configurations:
 
 
 @cache
-def standing(label: str) -> str:
+def setting_kind(label: str) -> str:
     """Return "preset", "letter", "code" or "at its best"; empty where it is none, or the method has only one."""
     name = parse(label)[0]
     if name not in KNOWN:

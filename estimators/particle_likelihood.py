@@ -148,7 +148,7 @@ def window_reference(
     return logw
 
 
-def folded(doa: GradientDoa, x: Array, logw: Array, S: Array, errors: Array) -> tuple[Array, Array]:
+def weigh_by_folded_angle(doa: GradientDoa, x: Array, logw: Array, S: Array, errors: Array) -> tuple[Array, Array]:
     """Weigh particles x (r, N, d) as public code of companion work does; return log-weights, and the best one's error.
 
     The direction is arctan(g_y / g_x), folded to half a plane; its error at a particle, |ADOA - DOA| [rad], is not

@@ -221,7 +221,7 @@ PARAMETERS = """
         residual: the error in the constant density: "wrapped", the particle's angle less the measured one in
             (-pi, pi]; "sum", eq. (4) to the letter: that difference not wrapped, once for each of the four nodes;
             "corners", the same with the particle's direction from each node, which says little inside the arena; or
-            "code", that of `particle_likelihood.folded`, which uses neither M, K, decay nor temper.
+            "code", that of `particle_likelihood.weigh_by_folded_angle`, which uses neither M, K, decay nor temper.
         M: path samples in the product of eq. (5), at least 1.
         K: directions in the moving average, at least 1.
         decay: weight of a direction per sample of age, in (0, 1].
@@ -360,7 +360,7 @@ def correct(p: Any, s: FilterState, z: Senses) -> FilterState:
         s = s._replace(logw=particle_likelihood.gradient(doa, s.x, s.logw, doa.gradient(z.anchor_rssi)))
     elif reads == "doa" and p.residual == "code" and p.density == "constant":
         doa = gradient_doa(s.world)
-        logw, error = particle_likelihood.folded(doa, s.x, s.logw, z.anchor_rssi, s.errors)
+        logw, error = particle_likelihood.weigh_by_folded_angle(doa, s.x, s.logw, z.anchor_rssi, s.errors)
         s = s._replace(logw=logw, errors=np.where(np.isnan(error)[:, None], s.errors, _push(s.errors, error)))
     elif reads == "doa":
         doa = gradient_doa(s.world)

@@ -159,7 +159,7 @@ def decided_by_more_trials(run: str | Path) -> dict[str, int | str]:
     stored, ledger = read_run(Path(run)), load()
     rows, decisions = stored.rows, stored.decisions or {}
     asked = [n for cell in stored.manifest["cells"].values() for n in cell["estimators"].values()]
-    lasting = verdicts.lasting(ledger, verdicts.judge_run(ledger, rows, stored.looks))
+    lasting = verdicts.drop_timed(ledger, verdicts.judge_run(ledger, rows, stored.looks))
     usual, all_ = (judge(ledger, rows[rows["trial"] < n])["verdict"].reindex(lasting.index) for n in (USUAL, 10**9))
     settled = lasting["verdict"].isin(DECIDED)
     late = (usual == "undecided") & ~(settled & (lasting["look"] < USUAL))  # not settled before

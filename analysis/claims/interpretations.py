@@ -100,11 +100,11 @@ def design(dimensions: Dimensions, seed: int = 0) -> list[Interpretation]:
     """Return the interpretations that are run: preset, letter, main effects, a covering array, and public code's."""
     ends = [preset(dimensions), letter(dimensions)]
     effects = [{**end, name: choice} for end in ends for name, one in dimensions.items() for choice in one.of_paper]
-    rows = [canonical(row, dimensions) for row in (*ends, *effects, *covering(dimensions, seed), code(dimensions))]
+    rows = [canonical(row, dimensions) for row in (*ends, *effects, *cover_pairs(dimensions, seed), code(dimensions))]
     return [dict(row) for row in dict.fromkeys(tuple(reading.items()) for reading in rows)]
 
 
-def covering(dimensions: Dimensions, seed: int = 0) -> list[Interpretation]:
+def cover_pairs(dimensions: Dimensions, seed: int = 0) -> list[Interpretation]:
     """Return interpretations in which every possible pair of choices stands at least once; greedy.
 
     A pair is impossible where one of the two choices settles the other's dimension.

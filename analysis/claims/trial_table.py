@@ -75,7 +75,7 @@ class TrialTable(NamedTuple):
         """Return the number of trials that failed."""
         return self.failures.get(_canonical(key), 0)
 
-    def matching(self, label: str) -> list[str]:
+    def expand_label(self, label: str) -> list[str]:
         """Return the scenario of a label, or those of the run that `family/n={3..99}` stands for, by their value."""
         found = re.fullmatch(r"(.+)\{([^{}]+)\.\.([^{}]+)\}(.*)", label)
         known = list(dict.fromkeys(scenario for scenario, _ in self.frames))

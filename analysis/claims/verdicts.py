@@ -117,7 +117,7 @@ def judge_case(case: Case, claim: Claim, table: TrialTable) -> dict[str, Any]:
     asked = {"of": case.of, "than": ", ".join(case.than), "definition": case.definition, "size": size}
     asked |= {"claim": claim.id, "open": "; ".join(claim.open), **claim.model_dump(include={"says", "where", "kind"})}
     try:
-        scenarios = tuple(dict.fromkeys(s for label in case.scenarios for s in table.matching(label)))
+        scenarios = tuple(dict.fromkeys(s for label in case.scenarios for s in table.expand_label(label)))
         case = case._replace(scenarios=scenarios)
         found = KINDS[claim.kind].judge(case, claim, table)
     except Missing as e:
@@ -208,7 +208,7 @@ def judge_at_look(ledger: Ledger, rows: pd.DataFrame, n: int, before: pd.DataFra
     return adjust(pd.concat([before[decided], now[~decided]]).sort_index())
 
 
-def lasting(ledger: Ledger, found: pd.DataFrame) -> pd.DataFrame:
+def drop_timed(ledger: Ledger, found: pd.DataFrame) -> pd.DataFrame:
     """Return the judged rows that are not about computing time."""
     timed = [claim.id for claim in ledger.claims if claim.kind in TIMED]
     return found[found["verdict"].isin(JUDGED) & ~found["claim"].isin(timed)]
@@ -220,7 +220,7 @@ def open_cells(ledger: Ledger, rows: pd.DataFrame, found: pd.DataFrame) -> set[t
     pairs = rows[["scenario", "estimator"]].drop_duplicates().itertuples(index=False)
     names = {(canonical(s), canonical(e)): (str(s), str(e)) for s, e in pairs}
     still = found["verdict"].eq("undecided") & ~found["remark"].fillna("").str.startswith(WOULD_BE)
-    going = still & found.index.isin(lasting(ledger, found).index)
+    going = still & found.index.isin(drop_timed(ledger, found).index)
     judged = [one for claim in ledger.claims for _, one in variants(claim, ledger)]
     asked = [case for one in judged for case in cases(one)]  # as rows of `judge`
     return {
@@ -228,7 +228,7 @@ def open_cells(ledger: Ledger, rows: pd.DataFrame, found: pd.DataFrame) -> set[t
         for case, is_open in zip(asked, going, strict=True)
         if is_open
         for label in case.scenarios
-        for s, e in product(table.matching(label), (case.of, *case.than))
+        for s, e in product(table.expand_label(label), (case.of, *case.than))
     }
 
 

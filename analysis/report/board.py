@@ -92,7 +92,7 @@ def _study(group: list[StoredRun]) -> BoardStudy:
     held, home = dict[Cell, pd.DataFrame](), dict[Cell, StoredRun]()
     times, differ = Counter[Cell](), Counter[Cell]()  # reproductions; runs with other bits
     for run in group:
-        confirmed = _confirmed(run)
+        confirmed = _count_confirmations(run)
         for (scenario, estimator), rows in run.rows.groupby(["scenario", "estimator"], sort=False):
             cell = str(scenario), str(estimator)
             if cell not in held:
@@ -118,7 +118,7 @@ def _study(group: list[StoredRun]) -> BoardStudy:
     return BoardStudy(numbers, [run.folder for run in group], table)
 
 
-def _confirmed(run: StoredRun) -> Counter[Cell]:
+def _count_confirmations(run: StoredRun) -> Counter[Cell]:
     """Return how often each (scenario, estimator) of a run was confirmed; never 0."""
     found: Counter[Cell] = Counter()
     for record in confirmations(run.folder):
@@ -148,7 +148,7 @@ def _origin(row: Row, run: StoredRun) -> dict[str, str]:
 # ------------------------------------------------------------------------------------------------ pages
 
 
-def _reproduced(times: int, differ: int) -> str:
+def _confirmation_text(times: int, differ: int) -> str:
     return f"by {count_of(times, 'run')}" + f", {count_of(differ, 'run')} with other bits" * (differ > 0)
 
 
@@ -167,7 +167,7 @@ COLUMNS = (
     text_column("source", collapsed=True),
     text_column("licence"),
     text_column("hash"),
-    text_column("reproduced", of=("reproduced", "differ"), form=_reproduced),
+    text_column("reproduced", of=("reproduced", "differ"), form=_confirmation_text),
 )
 
 

@@ -14,7 +14,7 @@ from cooploc.analysis.report.run_numbers import FLOORED, Numbers, trial_counts
 from cooploc.analysis.report.tables import fill_template, read_toml, words
 from cooploc.estimators import configure, make
 from cooploc.estimators.errors import BadInput
-from cooploc.estimators.listing import standing
+from cooploc.estimators.listing import setting_kind
 from cooploc.estimators.registry import parse, shorten_labels, source_of
 
 
@@ -29,7 +29,7 @@ def introduce_estimators(rows: pd.DataFrame) -> list[dict[str, Any]]:
     for label, anchor in anchors_of(rows["estimator"].unique()).items():
         method, _, given = label.partition("[")
         given = given.removesuffix("]").replace(",", ", ")
-        one = {"label": label, "anchor": anchor, "given": given, "standing": standing(label)}
+        one = {"label": label, "anchor": anchor, "given": given, "standing": setting_kind(label)}
         methods.setdefault(method, []).append(one)
     return [_introduce(name, ones, rows) for name, ones in methods.items()]
 

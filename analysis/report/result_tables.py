@@ -25,7 +25,7 @@ from cooploc.analysis.report.sentences import Standing, SweepChange, summary_sen
 from cooploc.analysis.report.tables import Row, Table, TableColumn, number_column, read_toml, text_column, words
 from cooploc.estimators import nearest
 from cooploc.estimators.errors import BadInput
-from cooploc.estimators.listing import declares_bytes, standing
+from cooploc.estimators.listing import declares_bytes, setting_kind
 from cooploc.estimators.registry import shorten_labels
 
 CONSISTENCY = {flag: flag for flag in ("over-confident", "over-wide", "conservative")}
@@ -44,7 +44,7 @@ def remark(
     mark: str,
 ) -> str:
     """Return what a reader of a result must know."""
-    remarks = [standing(estimator), "not ranked" * is_refused(certificate), CONSISTENCY.get(flag, "")]
+    remarks = [setting_kind(estimator), "not ranked" * is_refused(certificate), CONSISTENCY.get(flag, "")]
     remarks += ["offline, not ranked"] if offline else ["bound"] if bound else ["centralised"] * central
     remarks += ["bytes as declared"] * (not central and declares_bytes(estimator))
     remarks += [mark]
@@ -131,10 +131,10 @@ def result_columns(baselines: Iterable[str], until_decided: bool) -> tuple[Table
 
 def _without_standing(estimator: str, certificate: str, *rest: Any) -> str:
     """Return a remark without what has a column of its own, and without whose reading of a paper it is."""
-    return remark(estimator, certificate, "", *rest).removeprefix(standing(estimator)).removeprefix(", ")
+    return remark(estimator, certificate, "", *rest).removeprefix(setting_kind(estimator)).removeprefix(", ")
 
 
-def _bracketed(head: str, value: TableColumn, ends: TableColumn, **layout: Any) -> TableColumn:
+def _join_interval(head: str, value: TableColumn, ends: TableColumn, **layout: Any) -> TableColumn:
     """Return one column of a value and its interval, as in "0.332 [0.254, 0.432]"; per cent are said in the head."""
     of = value.of or value.keys
 
@@ -157,8 +157,8 @@ def essential_columns(baselines: Iterable[str], until_decided: bool) -> tuple[Ta
         replace(named["certificate"], second_line=True),
         *([replace(DECIDED, second_line=True)] if until_decided else ()),
         text_column("consistency"),
-        _bracketed("RMSE [m]", named["rmse"], named["rmse_low"]),
-        _bracketed(f"{versus.head} [%]", versus, named["change_low"]),
+        _join_interval("RMSE [m]", named["rmse"], named["rmse_low"]),
+        _join_interval(f"{versus.head} [%]", versus, named["change_low"]),
         named["bytes"],
     )
 

@@ -66,10 +66,10 @@ class SweepChange(NamedTuple):
 
 def standings(table: pd.DataFrame, results: TrialTable) -> list[Standing]:
     """Return the standing of each scenario, from `compare` and `collect`."""
-    return [_standing(str(scenario), part, results) for scenario, part in table.groupby("scenario", sort=False)]
+    return [_find_standing(str(scenario), part, results) for scenario, part in table.groupby("scenario", sort=False)]
 
 
-def _standing(scenario: str, part: pd.DataFrame, results: TrialTable) -> Standing:
+def _find_standing(scenario: str, part: pd.DataFrame, results: TrialTable) -> Standing:
     trials = int(part["trials"].max())
     rows = part[part["rmse"].notna()].sort_values("rmse", kind="stable").to_dict("records")
     may = [row for row in rows if not disqualifications(row)]

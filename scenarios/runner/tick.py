@@ -181,7 +181,7 @@ class _Loop:
         rssi, distance = (a[:, k] if a.shape[-1] else self.hidden for a in (air.rssi, air.range))
         return air.link[:, k], rssi, distance
 
-    def beginning(self) -> tuple[Belief, World, Rows]:
+    def prior_world_rows(self) -> tuple[Belief, World, Rows]:
         """Return the prior, the world and the rows: all that a team knows before tick 0."""
         t, n = self.shape
         rows = Rows(*(freeze(a.reshape(t, n, *a.shape[1:])) for a in self.rows))
@@ -263,7 +263,7 @@ class Team(_Loop):
     def start(self) -> None:
         if self.centralised:
             self.uplink = self.all_readings()
-        self.state = self.call("init", -1, *self.beginning())
+        self.state = self.call("init", -1, *self.prior_world_rows())
 
     def tick(self, k: int) -> tuple[Belief, Traffic]:
         z = self.senses(k, flat=False)
@@ -293,7 +293,7 @@ class Offline(_Loop):
         heard = (np.where(air.link, a, np.nan) if a.shape[-1] else absent for a in (air.rssi, air.range))
         mail = Mail(*(freeze(a) for a in (air.link, np.empty((t, T, n, n, 0)), *heard)))
         self.uplink = self.all_readings()
-        found = self.call("smooth", -1, *self.beginning(), senses, mail)
+        found = self.call("smooth", -1, *self.prior_world_rows(), senses, mail)
         self.state = self.require_shape(found, (t, T, n), "smooth()")
 
     def tick(self, k: int) -> tuple[Belief, Traffic]:

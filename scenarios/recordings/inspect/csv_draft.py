@@ -587,7 +587,7 @@ def _draft_run(folder: Path, data: Path) -> tuple[Draft, tuple[str, ...]]:
                 unread = f"{folder / odd[0]}: {lacking[odd[0]]}, and so no {needed}; name its columns in log.toml"
             raise BadInput(unread or f"{folder}: no file has columns that look like {words}; {REMEDY}")
     robots = ("robot",) if runs else _robots(folder, parts)
-    fixed = [name for part in parts if part.table in ("anchors", "landmarks") for name in _surveyed(part)]
+    fixed = [name for part in parts if part.table in ("anchors", "landmarks") for name in _places_of(part)]
     files = [_name_readings(file, robots, fixed) for file in files]
     unused += [f"{file.name}: {lack}" for file in files if (lack := _lack(file))]
     parts = _merge_parts([part for file in files for part in _parts(file)], [])
@@ -620,7 +620,9 @@ def _draft_table(
     table, files, columns = part.table, part.file_names, part.columns
     names = ", ".join(files)
     if table in ("anchors", "landmarks"):
-        return DraftTable(table, (Entry("places", _surveyed(part), f"{files[0]} has names and places, and no stamps"),))
+        return DraftTable(
+            table, (Entry("places", _places_of(part), f"{files[0]} has names and places, and no stamps"),)
+        )
     pattern, named = file_pattern(files, robots)
     words = [*named, *part.names("robot"), *part.names("other")]
     nodes = match_names([word for word in words if _clean_name(word) not in fixed], robots)
@@ -678,7 +680,7 @@ def _each_thing(table: str, each: Sequence[Guess], things: Sequence[str], robots
     return Entry("each", {name: _column(g) for name, g in columns.items()}, "columns end with a name", "likely")
 
 
-def _surveyed(part: TablePart) -> dict[str, list[float]]:
+def _places_of(part: TablePart) -> dict[str, list[float]]:
     """Return the places [m] in a file by name; blanks and signs that a name cannot have become _."""
     file, columns = part.files[0], part.columns
     words = file.columns[columns["name"].column]

@@ -9,7 +9,7 @@ import cooploc as cl
 from cooploc.analysis.claims import interpretations
 from cooploc.analysis.claims.ledger import load, read
 from cooploc.estimators import make
-from cooploc.estimators.listing import READ, standing
+from cooploc.estimators.listing import READ, setting_kind
 from cooploc.scenarios.studies import study
 
 DIMENSIONS = load().dimensions
@@ -35,7 +35,7 @@ def test_every_possible_pair_of_choices_stands_in_the_covering_array():
         for x, y in product(DIMENSIONS[a].of_paper, DIMENSIONS[b].of_paper)
         if b not in DIMENSIONS[a].choices[x].settles and a not in DIMENSIONS[b].choices[y].settles
     }
-    rows = interpretations.covering(DIMENSIONS)
+    rows = interpretations.cover_pairs(DIMENSIONS)
     assert pairs(rows) == every
     assert len(rows) <= 25  # of 124,416 combinations
     assert pairs(interpretations.design(DIMENSIONS)) >= every
@@ -78,7 +78,7 @@ def test_the_reading_of_public_code_changes_what_the_code_settles_and_stands_onc
 @pytest.mark.parametrize("end", ["preset", "letter", "code"])
 def test_tables_name_a_reading_as_the_ledger_has_it(name, end):
     reading = getattr(interpretations, end)(DIMENSIONS)
-    assert standing(interpretations.estimator(name, reading, DIMENSIONS)) == end
+    assert setting_kind(interpretations.estimator(name, reading, DIMENSIONS)) == end
 
 
 def test_a_choice_is_kept_from_methods_and_worlds_that_its_dimension_is_not_about():

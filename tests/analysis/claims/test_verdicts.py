@@ -377,7 +377,7 @@ def test_a_verdict_keeps_the_look_that_reached_it_and_what_is_open_keeps_its_cel
     found = verdicts.judge_at_look(LOOKED, equal, 10)
     assert found["verdict"][0] == "undecided"
     assert verdicts.open_cells(LOOKED, equal, found) == {("s", "a"), ("s", "b")}
-    assert list(verdicts.lasting(LOOKED, found)["claim"]) == ["1"]
+    assert list(verdicts.drop_timed(LOOKED, found)["claim"]) == ["1"]
 
 
 SCENARIOS = REPEATED[:40]

@@ -3,7 +3,7 @@
 import pytest
 
 from cooploc.estimators import make
-from cooploc.estimators.listing import KNOWN, standing
+from cooploc.estimators.listing import KNOWN, setting_kind
 
 
 def test_every_configuration_can_be_made_and_is_of_its_method():
@@ -26,4 +26,4 @@ def test_every_configuration_can_be_made_and_is_of_its_method():
     ],
 )
 def test_a_label_is_recognised_by_what_it_makes(label, expected):
-    assert standing(label) == expected
+    assert setting_kind(label) == expected
