@@ -33,7 +33,8 @@ frame.addEventListener("load", () => {
   const fits = table.parentElement.scrollWidth <= table.parentElement.clientWidth;
   const column = [...table.tHead.rows[0].cells].findIndex((head) => head.textContent.startsWith("RMSE [m]"));
   const rows = () => [...table.tBodies[0].rows].filter((row) => row.className !== "head");
-  const values = () => rows().map((row) => Number(row.cells[column].dataset.sort));
+  const number = (cell) => Number(cell.dataset.sort ?? cell.firstChild.textContent);
+  const values = () => rows().map((row) => number(row.cells[column]));
   const button = table.tHead.rows[0].cells[column].querySelector("button");
   const before = values();
   button.click();
