@@ -3,11 +3,8 @@
 Linear ones get each model linearised where they are, those of sigma points and of ensembles the model itself.
 """
 
-import warnings
-
 import filterpy.kalman as fk
 import numpy as np
-from filterpy.hinfinity import HInfinityFilter
 from filterpy.kalman.CubatureKalmanFilter import spherical_radial_sigmas
 
 import cooploc as cl
@@ -40,33 +37,6 @@ class Kalman:
         return self.f.x, self.f.P
 
 
-class Fading(Kalman):
-    """KalmanFilter that forgets: P' = alpha^2 F P F' + Q."""
-
-    own_motion = "its uncertainty grows by alpha^2 a tick beside that of odometry"
-
-    def __init__(self, prior, world, robot, key, alpha: float = 1.01):
-        super().__init__(prior, world, robot, key)
-        self.f.alpha = alpha
-
-
-class SquareRoot(Kalman):
-    """SquareRootKalmanFilter; it wants a Q that has a Cholesky factor."""
-
-    def made(self, prior):
-        return super().made(prior, fk.SquareRootKalmanFilter)
-
-    def predict(self, z):
-        self.f.F, c, Q = cl.motion_of(self.world, z).linear(self.f.x)
-        self.f.Q = Q + 1e-15 * np.eye(len(Q))
-        self.f.predict(c)
-
-    def correct(self, z):
-        for one in cl.readings_of(self.world, z):
-            seen, R, self.f.H = one.linear(self.f.x)
-            self.f.update(seen, np.linalg.cholesky(R))
-
-
 class Imm(Kalman):
     """IMMEstimator of two noises of motion."""
 
@@ -87,53 +57,6 @@ class Imm(Kalman):
             for f in self.f.filters:
                 seen, f.R, f.H = one.linear(self.f.x)
             self.f.update(seen)
-
-
-class Mmae(Kalman):
-    """MMAEFilterBank of the same two; its mixture is made here, as the bank subtracts single coordinates."""
-
-    own_motion = "the mixture of two noises moves by neither"
-
-    def made(self, prior):
-        return fk.MMAEFilterBank([super().made(prior), super().made(prior)], [0.5, 0.5], len(prior.x))
-
-    def predict(self, z):
-        for f, scale in zip(self.f.filters, (1.0, 9.0), strict=True):
-            f.F, c, Q = cl.motion_of(self.world, z).linear(f.x)
-            f.Q = scale * Q
-            f.predict(c)
-
-    def correct(self, z):
-        for one in cl.readings_of(self.world, z):
-            self.f.update(*one.linear(self.estimate()[0]))
-            self.f.p = np.maximum(self.f.p, 1e-6)
-
-    def estimate(self):
-        p, x = self.f.p / np.sum(self.f.p), np.stack([f.x for f in self.f.filters])
-        off = x - p @ x
-        return p @ x, np.tensordot(p, [f.P + np.outer(e, e) for f, e in zip(self.f.filters, off, strict=True)], 1)
-
-
-class HInfinity(Kalman):
-    """HInfinityFilter, of which filterpy warns that it is likely incorrect; a tick's readings are one vector."""
-
-    own_motion = "it allows for a worst case beside the noise"
-
-    def __init__(self, prior, world, robot, key, gamma: float = 0.01):
-        with warnings.catch_warnings(action="ignore"):
-            self.world, self.f = world, HInfinityFilter(len(prior.x), 1, 0, gamma)
-        self.f.x, self.f.P, self.f.B = *prior, np.eye(len(prior.x))
-
-    def predict(self, z):
-        self.f.F, c, self.f.W = cl.motion_of(self.world, z).linear(self.f.x)
-        self.f.Q = z.dt * np.eye(len(c))
-        self.f.predict(c)
-
-    def correct(self, z):
-        y, H, R = self.world.stack(self.f.x, z)
-        there = np.isfinite(y)
-        self.f.H, self.f._V_inv = H[there], np.linalg.inv(R[np.ix_(there, there)])
-        self.f.update(y[there] + H[there] @ self.f.x)
 
 
 class Ukf(Kalman):

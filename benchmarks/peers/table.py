@@ -21,10 +21,11 @@ from cooploc.scenarios.runner.trace import trace
 HERE = Path(__file__).parent
 OURS = "ekf-local[anchor_reading=rssi]"
 PEERS = {
-    "filterpy_filters.py": ("Kalman", "SquareRoot", "Fading", "HInfinity", "Imm", "Mmae", "Ukf", "Ckf", "Enkf"),
+    "filterpy_filters.py": ("Kalman", "Imm", "Ukf", "Ckf", "Enkf"),
     "stone_soup.py": ("StoneSoupEkf", "StoneSoupParticles"),
     "gtsam_map.py": ("GtsamMap",),
     "jax_ekf.py": ("JaxEkf",),
+    "navlie_ekf.py": ("NavlieEkf",),
 }
 SMALL = {"robots-1-3/n=3": {"ticks": 30}, "camera/n=3": {"ticks": 30}}
 HEAD = """# Other people's filters as plug-ins

@@ -12,15 +12,15 @@ from cooploc.scenarios.runner.trace import trace
 pytestmark = pytest.mark.filterwarnings("ignore")  # of the libraries, when they are imported
 FOLDER = Path(__file__).resolve().parents[2] / "benchmarks" / "peers"
 FILTERPY = "filterpy_filters.py"
-SAME = (f"{FILTERPY}:Kalman", f"{FILTERPY}:SquareRoot", "jax_ekf.py:JaxEkf", "stone_soup.py:StoneSoupEkf")
+SAME = (f"{FILTERPY}:Kalman", "jax_ekf.py:JaxEkf", "navlie_ekf.py:NavlieEkf", "stone_soup.py:StoneSoupEkf")
 CLOSE = (
-    *(f"{FILTERPY}:{name}" for name in ("Fading", "HInfinity", "Imm", "Mmae", "Ukf", "Ckf", "Enkf")),
+    *(f"{FILTERPY}:{name}" for name in ("Imm", "Ukf", "Ckf", "Enkf")),
     "gtsam_map.py:GtsamMap",
     "stone_soup.py:StoneSoupParticles",
 )
 WORLDS = ("robots-1-3/n=3", "camera/n=3")
-LOCKED = (*SAME[:2], *CLOSE[:8])  # whose library is in the lock
-SILENT = {"Fading", "HInfinity", "Imm", "Mmae", "Ukf", "Ckf", "Enkf"}  # which say that they move otherwise
+LOCKED = (SAME[0], *CLOSE[:5])  # whose library is in the lock
+SILENT = {"Imm", "Ukf", "Ckf", "Enkf"}  # which say that they move otherwise
 
 
 def peer(name):
