@@ -191,7 +191,7 @@ def judge(
     align: Annotated[str, typer.Option(help="with --truth: none, or origin, se2 (each robot), team (all)")] = "none",
     axes: Annotated[str, typer.Option(help="with --truth: covariances are in axes of the world or the body")] = "world",
     pieces: Annotated[int, typer.Option(help="with --truth: of the recording, for intervals over them")] = 10,
-    out: Annotated[Path | None, typer.Option(help="with --truth: folder of the tables and a figure")] = None,
+    out: Annotated[Path | None, typer.Option(help="folder of a page, tables and a figure")] = None,
     estimators: Annotated[str | None, typer.Option(help="comma-separated estimators to run on the same stream")] = None,
     trials: Annotated[int | None, typer.Option(help="of a scenario [default: 1]")] = None,
     seed: Annotated[int | None, typer.Option(help="of a scenario [default: 0]")] = None,
@@ -211,16 +211,14 @@ def judge(
         raise cl.BadInput("name a stream or scenario, or --truth DIR: one of them")
     if len(named) < len(tum):
         raise cl.BadInput("two of --tum have one name: write NAME=DIR")
+    from cooploc.terminal.judged import show_external, show_trajectories
+
+    shown = {"as_json": as_json, "every_column": wide, "legend": legend}
     if truth:
-        from cooploc.terminal.judged import show_trajectories
-
-        show_trajectories(truth, named, align, axes, pieces, out, as_json, wide, legend)
-        return
-    from cooploc.analysis.metrics.external import evaluate_external
-
-    given = named if parted[0][0] or len(tum) > 1 else tum[0]
-    rows, table = evaluate_external(stream, given, estimators, offline, trials=trials, seed=seed, data=data)
-    terminal.tables.show_table(table, rows, as_json, wide, legend)
+        show_trajectories(truth, named, align, axes, pieces, out, **shown)
+    else:
+        given = named if parted[0][0] or len(tum) > 1 else tum[0]
+        show_external(stream, given, estimators, offline, out, {"trials": trials, "seed": seed, "data": data}, **shown)
 
 
 @app.command()

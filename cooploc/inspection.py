@@ -9,7 +9,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from cooploc.analysis.execution import run_directory
-from cooploc.analysis.report.inspection_page import inspection_page
+from cooploc.analysis.report.section_pages import inspection_page
 from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.recordings.inspect.draft_toml import toml
 from cooploc.scenarios.recordings.inspect.inspection import Inspected, SeriesRow, inspect_recording

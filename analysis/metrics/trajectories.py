@@ -1,25 +1,14 @@
 """Trajectories of a team that any program wrote, judged against true ones in files: errors, drift and covariances.
 
-A team is a folder with a file for each robot, the same names in every folder; its name is the robot's.
-
-- `NAME.txt` is a TUM file: a line `stamp tx ty tz qx qy qz qw` for each pose, of which x, y and yaw count. Beside it
-  `NAME.cov.txt` may have the covariances, a line `stamp xx xy yy` [m^2], the upper triangle of the position's, or
-  `stamp xx xy xh yy yh hh` [m^2, m rad, rad^2], of position and heading h, at the stamps of the poses.
-- `NAME.csv` has a header with `stamp` (or `time`, `t`), `x`, `y`, and where they are known `heading` (or `theta`,
-  `yaw`) [rad] and the covariance's `xx`, `xy`, `yy`, `xh`, `yh`, `hh` (or `Pxx`, `Pxy`, ...), as MATLAB's
-  `writetable` writes it.
-- `covariances.npz` may have them for all robots: an array `NAME` (T, 3, 3) or (T, 2, 2), at the stamps of the poses.
-
-Or it is a ROS bag, whose topics of nav_msgs/Odometry and geometry_msgs/PoseWithCovarianceStamped have the robots' names
-in their own. Poses and stamps are matched, aligned and their errors taken as evo does (M. Grupp, github.com/
-MichaelGrupp/evo): the nearest stamp counts, up to a largest difference; RPE is that of the translation between
-neighbouring poses.
+`trajectory_files` says which files. Poses and stamps are matched, aligned and their errors taken as evo does (M. Grupp,
+github.com/MichaelGrupp/evo): the nearest stamp counts, up to a largest difference; RPE is that of the translation
+between neighbouring poses.
 """
 
 import hashlib
-import re
-import zipfile
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from functools import reduce
+from itertools import product
 from pathlib import Path
 from typing import NamedTuple
 
@@ -27,37 +16,31 @@ import numpy as np
 import pandas as pd
 
 from cooploc.analysis.metrics.errors import errors
-from cooploc.analysis.metrics.external import COLUMNS, COVARIANCE, COVARIANCES, ELSEWHERE
+from cooploc.analysis.metrics.external import ELSEWHERE
 from cooploc.analysis.metrics.statistics import FIXED
+from cooploc.analysis.metrics.trajectory_files import Team, Trajectory, read_team
 from cooploc.estimators.errors import BadInput, nearest
 from cooploc.estimators.interface import Array, Indices, Mask
 from cooploc.estimators.models import wrap
-from cooploc.scenarios.recordings.bag_storage import KINDS, bag_paths, open_bag, stamp_of
-from cooploc.scenarios.recordings.text_files import TextTable, read_table
 from cooploc.scenarios.runner.run import Run
 from cooploc.scenarios.runner.trace import Trace
 from cooploc.scenarios.stream import Truth
 
 ALIGNMENTS = "none", "origin", "se2", "team"
 AXES = "world", "body"
-WITH_COVARIANCE = ("nav_msgs/msg/Odometry", "geometry_msgs/msg/PoseWithCovarianceStamped")
-OTHER_NAMES = {"time": "stamp", "timestamp": "stamp", "t": "stamp", "theta": "heading", "yaw": "heading"}
-TRIANGLE = np.triu_indices(3)
-LATEST = 1e10  # [s] stamps beyond are in another unit; those of today are below 2e9
-EQUAL = 1e-5  # [s] stamps of a pose and of its covariance differ by less
+GAP = 10  # times the usual step between poses
+STANDING = 0.05  # [m] a robot whose path is no larger does not move
 MIRRORED = 0.3  # a path fits so much better once it is mirrored: its frame is
 BLOCKS = 10  # into which ticks are cut, to see in which axes covariances fit
 
 
-class Trajectory(NamedTuple):
-    """The poses of one robot, and their covariances."""
+class Matched(NamedTuple):
+    """Trajectories beside the true ones: the poses that every method has, aligned."""
 
-    stamp: Array  # (T,) [s]
-    x: Array  # (T, 3)  x [m], y [m], heading [rad]; nan where there is no heading
-    P: Array  # (T, 3, 3)  nan where it is not known
-
-
-Team = Mapping[str, Trajectory]
+    label: str  # of the truth
+    paths: Mapping[str, Array]  # robot -> (T, 3) true poses
+    teams: Mapping[str, Team]  # method -> robot -> as many poses
+    remarks: tuple[str, ...]
 
 
 def judge_trajectories(
@@ -86,26 +69,34 @@ def judge_trajectories(
         BadInput: a robot has no file, stamps do not meet, a path is mirrored, a covariance is none; says where.
 
     """
+    found = match_trajectories(Path(truth), estimates, align, axes, largest_difference)
+    return judge_pieces(*in_pieces(found, pieces), list(found.paths)), found.remarks
+
+
+def match_trajectories(
+    truth: Path, estimates: Mapping[str, str | Path], align: str, axes: str, largest: float = 0.01
+) -> Matched:
+    """Return the poses that all methods have beside the true ones, with the arguments of `judge_trajectories`."""
     for name, value, known in (("align", align, ALIGNMENTS), ("axes", axes, AXES)):
         if value not in known:
             raise BadInput(f"there is no {name} {value!r}; {nearest(value, list(known))}")
     if not estimates:
         raise BadInput("there are no estimates to judge: name a folder or bag")
-    true = read_team(Path(truth))
-    teams = {name: read_team(Path(folder), true) for name, folder in estimates.items()}
-    matched = {robot: _common(robot, true[robot], teams, largest_difference) for robot in true}
+    true = read_team(truth)
+    teams = {name: read_team(Path(folder), list(true), name) for name, folder in estimates.items()}
+    matched = {robot: _common(robot, true[robot], teams, largest) for robot in true}
     paths = {robot: true[robot].x[index] for robot, (index, _) in matched.items()}
-    remarks = _shared_remarks(true, teams, paths, largest_difference)
-    chosen: dict[str, dict[str, Trajectory]] = {}
+    remarks = _shared_remarks(true, teams, paths, largest)
+    chosen: dict[str, Team] = {}
     for name, team in teams.items():
         rows = {robot: matched[robot][1][name] for robot in true}
         there = {robot: Trajectory(*(field[rows[robot]] for field in team[robot])) for robot in true}
         chosen[name], said = _align(name, there, paths, align, axes)
         remarks += said
-    return _rows(Path(truth), true, paths, chosen, pieces), tuple(remarks)
+    return Matched(truth.resolve().name, paths, chosen, tuple(remarks))
 
 
-def drift_and_heading(rows: pd.DataFrame) -> pd.DataFrame:
+def mean_drift(rows: pd.DataFrame) -> pd.DataFrame:
     """Return RPE [m] and error of the heading [rad] of every method, root mean squares with intervals over pieces."""
     found = []
     for name, part in rows.groupby("estimator", sort=False):
@@ -116,169 +107,6 @@ def drift_and_heading(rows: pd.DataFrame) -> pd.DataFrame:
             one |= dict(zip((column, f"{column}_low", f"{column}_high"), np.sqrt(ends), strict=True))
         found.append(one)
     return pd.DataFrame(found)
-
-
-# ---- files
-
-
-def read_team(place: Path, true: Team | None = None) -> Team:
-    """Read the trajectories of a folder or bag by robot; with the true ones, of their robots."""
-    if place.is_file() or (place.is_dir() and not _paths(place)):
-        found = _read_bag(place, list(true or ()))
-    elif not place.is_dir():
-        raise BadInput(f"there is no folder {place}; name the one that holds a file for each robot")
-    else:
-        found = {name: _read_file(path) for name, path in _paths(place).items() if not true or name in true}
-        stored = place / "covariances.npz"
-        found = _with_stored(stored, found) if stored.exists() else found
-    for robot in [robot for robot in true or () if robot not in found]:
-        known = [*found, *(_paths(place) if place.is_dir() else ())]
-        raise BadInput(f"{place}: robot {robot!r} has no trajectory; {nearest(robot, known)}")
-    for robot, one in found.items():
-        if np.abs(one.stamp).max() > LATEST:
-            raise BadInput(f"{place}: stamps of robot {robot!r} reach {np.abs(one.stamp).max():.3g}: write seconds")
-    return {robot: Trajectory(*_by_time(*one)) for robot, one in found.items()}
-
-
-def _paths(folder: Path) -> dict[str, Path]:
-    files = sorted(path for path in folder.iterdir() if path.suffix in (".txt", ".csv") and ".cov." not in path.name)
-    named = {path.stem: path for path in files}
-    for path in files:
-        if named[path.stem] != path:
-            raise BadInput(f"{path} and {named[path.stem].name} are of one robot: remove one of them")
-    return named
-
-
-def _read_file(path: Path) -> Trajectory:
-    """Read one robot's poses, and the covariances that stand with or beside them."""
-    if path.suffix == ".csv":
-        return _read_csv(path)
-    table = read_table(path, COLUMNS)
-    q = table.values[:, 4:]
-    for row in np.flatnonzero(np.abs(np.linalg.norm(q, axis=1) - 1) > 0.01).tolist():
-        raise BadInput(f"{table.at(row)}: qx qy qz qw is not a unit quaternion; heading 0 is 0 0 0 1")
-    x, y, z, w = q.T
-    heading = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-    stamp, pose = table.values[:, 0], np.column_stack([table.values[:, 1:3], heading])
-    P, beside = np.full((len(pose), 3, 3), np.nan), path.with_name(path.stem + COVARIANCE)
-    if beside.exists():
-        width = len(beside.read_text("utf-8", "replace").rstrip().rpartition("\n")[2].split())
-        names = COVARIANCES[3 if width == len(COVARIANCES[3]) else 2]
-        triangle = read_table(beside, names)
-        if len(triangle.values) != len(stamp) or (np.abs(triangle.values[:, 0] - stamp) > EQUAL).any():
-            raise BadInput(f"{beside}: its stamps are not those of {path.name}: write one line for each pose")
-        P = _from_triangle(pd.DataFrame(triangle.values, columns=list(names)))
-        _require_positive(P, triangle)
-    return Trajectory(stamp, pose, P)
-
-
-def _read_csv(path: Path) -> Trajectory:
-    """Read a CSV file with a header."""
-    try:
-        table = pd.read_csv(path)
-    except (ValueError, OSError) as e:
-        raise BadInput(f"{path}: cannot be read as CSV ({' '.join(str(e).split())[:100]}); write it again") from None
-    table.columns = pd.Index([OTHER_NAMES.get(name, name) for name in table.columns.str.strip().str.lower()])
-    table = table.rename(columns=lambda name: name.removeprefix("p") if re.fullmatch("p[xyh]{2}", name) else name)
-    for name in ("stamp", "x", "y"):
-        if name not in table:
-            raise BadInput(f"{path} has no column {name}; it has {', '.join(table.columns)}, parted by commas")
-    if not table.columns.is_unique or table.empty:
-        fault = "it has no line" if table.empty else f"two columns are one: {', '.join(table.columns)}"
-        raise BadInput(f"{path}: {fault}; correct the file")
-    values = table.apply(pd.to_numeric, errors="coerce")
-    pose = values.reindex(columns=["x", "y", "heading"]).to_numpy(float)
-    for row in np.flatnonzero(~np.isfinite(np.column_stack([values["stamp"], pose[:, :2]])).all(1)).tolist():
-        raise BadInput(f"{path}, line {row + 2}: stamp, x or y is not a number; correct or remove the line")
-    P = _from_triangle(values)
-    _require_positive(P, TextTable(path, pose, np.arange(2, len(pose) + 2)))
-    return Trajectory(values["stamp"].to_numpy(float), pose, P)
-
-
-def _with_stored(path: Path, team: dict[str, Trajectory]) -> dict[str, Trajectory]:
-    """Return trajectories with the covariances of an npz file."""
-    try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
-            arrays = {name: np.asarray(stored[name], float) for name in stored.files}
-    except (ValueError, TypeError, OSError, zipfile.BadZipFile) as e:
-        raise BadInput(f"{path}: cannot be read ({' '.join(str(e).split())[:100]}); write it with np.savez") from None
-    found = {}
-    for name, one in team.items():
-        P, T = arrays.get(name, np.full((len(one.stamp), 3, 3), np.nan)), len(one.stamp)
-        if P.shape not in ((T, 2, 2), (T, 3, 3)):
-            raise BadInput(
-                f"{path}: {name} has shape {P.shape}, not ({T}, 2, 2) or ({T}, 3, 3), a matrix for each pose"
-            )
-        if not np.allclose(P, P.swapaxes(1, 2), rtol=1e-6, atol=1e-12, equal_nan=True):
-            raise BadInput(f"{path}: {name} holds a matrix that is not symmetric, which a covariance is: store P alone")
-        whole = np.full((T, 3, 3), np.nan)
-        whole[:, : P.shape[1], : P.shape[1]] = P
-        _require_positive(whole, TextTable(path, one.x, np.arange(T)), "index")
-        found[name] = one._replace(P=whole)
-    return found
-
-
-def _read_bag(place: Path, robots: list[str]) -> dict[str, Trajectory]:
-    """Read the poses with covariances of a bag's topics; a topic's robot is the name that is a part of its own."""
-    rows: dict[str, list[tuple[float, ...]]] = {}
-    for path in bag_paths(place):
-        try:
-            _collect_poses(path, rows)
-        except Exception as e:  # rosbags raises whatever its parsers raise on damaged files
-            raise BadInput(f"{path}: cannot be read as a bag ({' '.join(str(e).split())[:100]}); repair it") from None
-    found: dict[str, Trajectory] = {}
-    for topic, lines in rows.items():
-        parts, table = topic.strip("/").split("/"), np.array(lines)
-        name = next((robot for robot in robots if robot in parts), parts[0] if not robots else None)
-        if name is None or name in found:
-            continue
-        P = table[:, 4:].reshape(-1, 3, 3)
-        P = np.where((P == 0).all((1, 2), keepdims=True), np.nan, P)  # ROS has zeros where it is not known
-        _require_positive(P, TextTable(place, table, np.arange(len(table))), f"{topic}, message")
-        found[name] = Trajectory(table[:, 0], table[:, 1:4], P)
-    if not found:
-        raise BadInput(
-            f"{place} holds no NAME.txt or NAME.csv, nor a bag with topics of {' or '.join(WITH_COVARIANCE)}"
-        )
-    return found
-
-
-def _collect_poses(path: Path, rows: dict[str, list[tuple[float, ...]]]) -> None:
-    """Add the stamp, pose and covariance of every message of one bag to the rows of its topic."""
-    with open_bag(path) as bag:
-        kinds = {topic: kind for topic, kind in bag.types.items() if kind in WITH_COVARIANCE}
-        for topic, received, raw in bag.messages(kinds):
-            message = bag.decode(raw, kinds[topic])
-            x, y, _, heading = KINDS[kinds[topic]].rows(message)[0][:4]
-            C = np.asarray(message.pose.covariance, float).reshape(6, 6)[np.ix_([0, 1, 5], [0, 1, 5])]
-            stamp = 1e-9 * (stamp_of(message) or received)
-            rows.setdefault(topic, []).append((stamp, x, y, heading, *C.ravel()))
-
-
-def _from_triangle(values: pd.DataFrame) -> Array:
-    """Return covariances (T, 3, 3) of columns xx, xy, ...; nan where there are none."""
-    P = np.full((len(values), 3, 3), np.nan)
-    names = ["xx", "xy", "xh", "yy", "yh", "hh"]
-    P[:, TRIANGLE[0], TRIANGLE[1]] = values.reindex(columns=names).to_numpy(float)
-    P[:, TRIANGLE[1], TRIANGLE[0]] = P[:, TRIANGLE[0], TRIANGLE[1]]
-    return P
-
-
-def _require_positive(P: Array, table: TextTable, line: str = "line") -> None:
-    """Refuse matrices that are no covariance of a position, or of a pose."""
-    for d in (2, 3):
-        known: Mask = np.asarray(np.isfinite(P[:, :d, :d]).all((1, 2)))
-        least = np.linalg.eigvalsh(np.where(known[:, None, None], P[:, :d, :d], np.eye(d))).min(1)
-        for row in np.flatnonzero(least <= -1e-12).tolist():
-            where = f"{table.path}, {line} {table.line[row]}"
-            raise BadInput(
-                f"{where}: the covariance is not positive, its least eigenvalue is {least[row]:.3g}: correct it"
-            )
-
-
-def _by_time(stamp: Array, x: Array, P: Array) -> tuple[Array, Array, Array]:
-    order = np.argsort(stamp, kind="stable")
-    return stamp[order], x[order], P[order]
 
 
 # ---- stamps and frames
@@ -299,23 +127,32 @@ def _common(
     if len(pairs) == 1:
         (name, (index, rows)), *_ = pairs.items()
         return index, {name: rows}
-    first = {
-        name: dict(zip(reversed(index.tolist()), reversed(rows.tolist()), strict=True))
-        for name, (index, rows) in pairs.items()
-    }
-    common = sorted(set.intersection(*(set(one) for one in first.values())))
-    if not common:
+    common = reduce(np.intersect1d, (index for index, _ in pairs.values()))
+    if not len(common):
         raise BadInput(f"robot {robot!r}: no true pose is met by all of {', '.join(pairs)}: judge them one by one")
-    return np.array(common), {name: np.array([one[k] for k in common]) for name, one in first.items()}
+    return common, {name: rows[np.searchsorted(index, common)] for name, (index, rows) in pairs.items()}
 
 
 def _shared_remarks(true: Team, teams: Mapping[str, Team], paths: Mapping[str, Array], largest: float) -> list[str]:
-    """Return a remark on each robot of which a method lacks a tenth of the poses, as others are not judged there."""
+    """Return remarks on robots that hardly move, and on poses that a method lacks, as nobody is judged there."""
     remarks = []
     for robot, path in paths.items():
-        met = max(len(match_stamps(true[robot].stamp, team[robot].stamp, largest)[0]) for team in teams.values())
-        if len(path) < 0.9 * met:
-            remarks.append(f"robot {robot!r}: {len(path)} of {met} poses are judged; not every method has the others")
+        stamps, most = true[robot].stamp, 0
+        for name, team in teams.items():
+            index, _ = match_stamps(stamps, team[robot].stamp, largest)
+            most = max(most, len(index))
+            steps, span = np.diff(stamps[[0, *index, -1]]), stamps[-1] - stamps[0]
+            away = steps[steps > GAP * np.median(np.diff(stamps[index]))].sum() if len(index) > 1 else 0.0
+            if away > 0.1 * span:
+                remarks.append(
+                    f"{name}: robot {robot!r} has no poses in {away:.4g} of {span:.4g} s, and is not judged there"
+                )
+        if len(path) < 0.9 * most:
+            remarks.append(f"robot {robot!r}: {len(path)} of {most} poses are judged; not every method has the others")
+        if np.ptp(path[:, :2], axis=0).max() < STANDING:
+            remarks.append(
+                f"robot {robot!r} stands, within {STANDING:g} m: its RPE is noise, and its own path does not align it"
+            )
     return remarks
 
 
@@ -337,9 +174,8 @@ def _align(
 ) -> tuple[dict[str, Trajectory], list[str]]:
     """Return a team's trajectories in the frame of the truth, covariances in its axes, and remarks."""
     remarks, found = [], {}
-    together = fit_frame(*(np.concatenate([one[robot][:, :2] for robot in paths]) for one in (
-        {robot: trajectory.x for robot, trajectory in team.items()}, paths
-    )))  # fmt: skip
+    everywhere = ([one.x for one in team.values()], paths.values())
+    together = fit_frame(*(np.concatenate([x[:, :2] for x in all_of]) for all_of in everywhere))
     for robot, one in team.items():
         true = paths[robot]
         angle, shift, residual = fit_frame(one.x[:, :2], true[:, :2])
@@ -354,6 +190,11 @@ def _align(
             remarks.append(
                 f"{name}: robot {robot!r} errs by {plain:.3g} m, and by {residual:.3g} m once aligned: if it is in "
                 "another frame, --align se2"
+            )
+        if singular := np.count_nonzero(one.P[:, 0, 0] * one.P[:, 1, 1] == one.P[:, 0, 1] ** 2):
+            remarks.append(
+                f"{name}: {singular} covariances of robot {robot!r} are singular, as if its place were known: with any "
+                "error there, ANEES is infinite"
             )
         if align == "origin" and not np.isfinite(true[0, 2] - one.x[0, 2]):
             raise BadInput(
@@ -379,10 +220,10 @@ def _align(
     return found, remarks
 
 
-def rotation(angle: float) -> Array:
-    """Return the matrix (2, 2) that turns the plane by an angle [rad]."""
+def rotation(angle: float | Array) -> Array:
+    """Return the matrices (..., 2, 2) that turn the plane by angles (...) [rad]."""
     c, s = np.cos(angle), np.sin(angle)
-    return np.array([[c, -s], [s, c]])
+    return np.stack([np.stack([c, -s], -1), np.stack([s, c], -1)], -2)
 
 
 def fit_frame(a: Array, b: Array) -> tuple[float, Array, float]:
@@ -401,9 +242,8 @@ def fit_frame(a: Array, b: Array) -> tuple[float, Array, float]:
 
 def turn_covariances(P: Array, angle: Array) -> Array:
     """Return covariances (T, 3, 3) in axes that are turned back by an angle (T,) [rad]: R P R'; heading's stays."""
-    R = np.zeros_like(P)
-    R[:, 0, 0] = R[:, 1, 1] = np.cos(angle)
-    R[:, 1, 0], R[:, 0, 1], R[:, 2, 2] = np.sin(angle), -np.sin(angle), 1.0
+    R = np.tile(np.eye(3), (len(P), 1, 1))
+    R[:, :2, :2] = rotation(angle)
     known = np.where(np.isnan(P), 0.0, P)
     return np.where(np.isnan(P), np.nan, R @ known @ R.swapaxes(1, 2))
 
@@ -435,22 +275,24 @@ def _axes_remark(name: str, robot: str, one: Trajectory, true: Array) -> list[st
 # ---- rows
 
 
-def _rows(
-    place: Path, true: Team, paths: Mapping[str, Array], teams: Mapping[str, Mapping[str, Trajectory]], pieces: int
-) -> pd.DataFrame:
-    """Return the rows of `errors` of every method, robot and piece, with RPE and the heading's error."""
-    short = min(len(path) for path in paths.values())
+def in_pieces(found: Matched, pieces: int) -> tuple[Truth, Run]:
+    """Return trajectories as a truth and a run, whose trials are pieces of the recording; ticks beyond a path are nan.
+
+    Raises:
+        BadInput: too few poses for so many pieces, or some poses of a method have covariances and others none.
+
+    """
+    paths, short = found.paths, min(map(len, found.paths.values()))
     if short < 2:
         raise BadInput("a robot has 1 pose to judge, less than 2: see that the stamps are of one clock, in seconds")
-    if not 1 <= pieces <= short // 2:
+    if pieces not in range(1, short // 2 + 1):
         raise BadInput(
-            f"pieces is {pieces}; it must lie between 1 and {short // 2}, as a robot has {short} poses to judge"
+            f"pieces is {pieces}; it must be a whole number from 1 to {short // 2}, as a robot has {short} poses"
         )
-    length, n = -(-max(len(path) for path in paths.values()) // pieces), len(paths)
-    heading = all(np.isfinite(one[:, 2]).all() for one in _every(paths.values(), teams))
-    d = 3 if heading else 2
+    pieces, n = int(pieces), len(paths)
+    length = -(-max(map(len, paths.values())) // pieces)
 
-    def cut(values: Iterable[Array], fill: float) -> Array:
+    def cut(values: Iterable[Array], fill: float = np.nan) -> Array:
         """Return arrays of the robots (T, ...) as one (piece, tick, robot, ...)."""
         robots = [np.array_split(one, pieces) for one in values]
         out = np.full((pieces, length, n, *robots[0][0].shape[1:]), fill)
@@ -459,35 +301,22 @@ def _rows(
                 out[k, : len(part), r] = part
         return out
 
+    def poses(team: Iterable[Array]) -> Array:
+        """Return poses, without headings where one is not known."""
+        robots = list(team)
+        return cut([x[:, : 3 if all(np.isfinite(one[:, 2]).all() for one in robots) else 2] for x in robots])
+
     valid = cut([np.ones(len(path)) for path in paths.values()], 0.0) > 0
     every = np.concatenate([path[:, :2] for path in paths.values()])
     words = [f"{robot} {len(path)} {float(path[:, :2].sum()):.17g}" for robot, path in paths.items()]
     hashes = tuple(hashlib.sha256(f"{k} of {pieces} {words}".encode()).hexdigest() for k in range(pieces))
-    label, trial = place.resolve().name, np.arange(pieces)
-    truth = Truth(label, trial, cut([path[:, :d] for path in paths.values()], 0.0), valid,
-                  np.stack([every.min(0), every.max(0)]), hashes)  # fmt: skip
-    traces = {
-        name: Trace.of(cut([team[robot].x[:, :d] for robot in paths], 0.0), _without_gaps(name, cut(
-            [team[robot].P[:, :d, :d] for robot in paths], np.nan), valid))
-        for name, team in teams.items()
-    }  # fmt: skip
-    rows = errors(truth, Run(label, 0, trial, hashes, traces)).assign(certificate=ELSEWHERE)
-    apart = []
-    for name in traces:
-        if not all(np.isfinite(teams[name][robot].P).all() for robot in paths):  # without covariances of the heading
-            rows.loc[rows["estimator"] == name, "pose_nees"] = np.nan
-        for k in range(pieces):
-            for r, robot in enumerate(paths):
-                a, b = (np.array_split(one, pieces)[k] for one in (teams[name][robot].x, paths[robot]))
-                turn = float(np.sqrt((wrap(a[:, 2] - b[:, 2]) ** 2).mean()))
-                apart.append((name, k, r, robot, relative_error(a, b), turn))
-    return rows.merge(pd.DataFrame(apart, columns=["estimator", "trial", "robot", "name", "rpe", "heading"]))
-
-
-def _every(paths: Iterable[Array], teams: Mapping[str, Mapping[str, Trajectory]]) -> Iterable[Array]:
-    yield from paths
-    for team in teams.values():
-        yield from (one.x for one in team.values())
+    arena, trial, traces = np.stack([every.min(0), every.max(0)]), np.arange(pieces), {}
+    for name, team in found.teams.items():
+        x, P = poses(team[robot].x for robot in paths), cut([team[robot].P for robot in paths])
+        d = x.shape[-1]
+        traces[name] = Trace.of(x, _without_gaps(name, P, valid)[..., :d, :d])
+    truth = Truth(found.label, trial, poses(paths.values()), valid, arena, hashes)
+    return truth, Run(found.label, 0, trial, hashes, traces)
 
 
 def _without_gaps(name: str, P: Array, valid: Mask) -> Array:
@@ -501,11 +330,29 @@ def _without_gaps(name: str, P: Array, valid: Mask) -> Array:
     return P
 
 
-def relative_error(x: Array, true: Array) -> float:
-    """Return the root mean square error [m] of the motion between neighbouring poses (T, 3)."""
-    steps = []
-    for poses in (x, true):
-        step, h = np.diff(poses[:, :2], axis=0), poses[:-1, 2]
-        c, s = np.cos(h), np.sin(h)
-        steps.append(np.column_stack([c * step[:, 0] + s * step[:, 1], c * step[:, 1] - s * step[:, 0]]))
-    return float(np.sqrt(((steps[0] - steps[1]) ** 2).sum(1).mean())) if len(x) > 1 else np.nan
+def judge_pieces(truth: Truth, run: Run, names: Sequence[str]) -> pd.DataFrame:
+    """Return `errors` with the robots' names and `drift`; pose NEES only where headings have covariances."""
+    rows = errors(truth, run).assign(certificate=ELSEWHERE)
+    rows["name"] = np.asarray(names)[rows["robot"]]
+    for name, trace in run.traces.items():
+        if trace.P.shape[-1] < 3 or np.isnan(trace.P[truth.valid]).any():
+            rows.loc[rows["estimator"] == name, "pose_nees"] = np.nan
+    return rows.merge(drift(truth, run))
+
+
+def drift(truth: Truth, run: Run) -> pd.DataFrame:
+    """Return `rpe` [m] and `heading` [rad], root mean squares of the errors, of every estimator, trial and robot.
+
+    RPE is the error of the motion between neighbouring ticks, in the robot's axes; nan where there is no heading.
+    """
+    found = []
+    for (name, trace), (i, trial), robot in product(run.traces.items(), enumerate(run.trial), range(truth.x.shape[2])):
+        known = truth.valid[i, :, robot]
+        a, b = trace.x[i, known, robot], truth.x[i, known, robot]
+        rpe = heading = np.nan
+        if min(a.shape[-1], b.shape[-1]) == 3 and len(a) > 1:
+            steps = [np.einsum("tij,ti->tj", rotation(x[:-1, 2]), np.diff(x[:, :2], axis=0)) for x in (a, b)]
+            rpe = float(np.sqrt(((steps[0] - steps[1]) ** 2).sum(1).mean()))
+            heading = float(np.sqrt((wrap(a[:, 2] - b[:, 2]) ** 2).mean()))
+        found.append((name, trial, robot, rpe, heading))
+    return pd.DataFrame(found, columns=["estimator", "trial", "robot", "rpe", "heading"])

@@ -49,7 +49,8 @@ def ellipses(truth: Truth, run: Run, trial: int = 0, tick: int = -1, ax: Axes | 
 def trajectories(truth: Truth, run: Run, trial: int = 0, robot: int = 0) -> Axes:
     """Draw a robot's true path and its estimate by each estimator, with the 95 % ellipse of every tenth tick.
 
-    Each estimator has axes of its own; those of the first are returned.
+    Of more than a thousand ticks a hundred have one; without covariances none has. Each estimator has axes of its own;
+    those of the first are returned.
     """
     i = find_place(truth, run, trial)[0]
     pens = style.session_pens(run.traces)
@@ -58,7 +59,7 @@ def trajectories(truth: Truth, run: Run, trial: int = 0, robot: int = 0) -> Axes
         x, P = trace.x[i, :, robot], trace.P[i, :, robot]
         ax.plot(*truth.x[i, :, robot, :2].T, color="black", lw=1.2, label="truth")
         ax.plot(*x[:, :2].T, color=pens[name].colour, lw=1.0, ls="--", label="estimate")
-        for k in range(9, len(x), 10):
+        for k in (k for k in range(9, len(x), max(10, len(x) // 100)) if np.isfinite(P[k]).all()):
             ax.add_patch(ellipse(x[k], P[k], ec=pens[name].colour, lw=0.7))
         ax.set_aspect("equal")
         style.finish(ax, "x [m]", "y [m]", name)

@@ -8,7 +8,7 @@ import itertools
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from importlib.metadata import metadata, version
+from importlib.metadata import metadata
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -60,8 +60,7 @@ def write(runs: Sequence[StoredRun], out: Path) -> Path:
 
 
 def _write_page(path: Path, title: str, content: dict[str, Any], body: str) -> None:
-    context = {"title": title, "manifest": {"versions": {"cooploc": version("cooploc")}}, "embedded": {}, **content}
-    path.write_text(html_page.render(context, body), encoding="utf-8")
+    path.write_text(html_page.render({"title": title, **content}, body), encoding="utf-8")
 
 
 # ------------------------------------------------------------------------------------------------ runs

@@ -8,6 +8,7 @@ import re
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -104,6 +105,7 @@ def render(context: dict[str, Any], body: str = "body.html.j2") -> str:
     """Return the page with the template of its body; everything that is not marked as safe is escaped."""
     script, css = (Markup(read_template(name)) for name in ("page.js", "page.css"))  # our own files
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    context = {"manifest": {"versions": {"cooploc": version("cooploc")}}, "embedded": {}, **context}
     filled = Markup(fill_template(body, html=html, **context))  # its parts are escaped by their templates
     return fill_template("page.html.j2", **context, style=css, body=filled, script=script, script_hash=digest)
 

@@ -244,3 +244,10 @@ def _escape_markdown(text: str) -> str:
     for c in "\\`*_[]|":
         text = text.replace(c, "\\" + c)
     return str(escape(text)).replace("&#34;", '"').replace("&#39;", "'").replace("\n", " ")
+
+
+def frame(caption: str, table: pd.DataFrame, digits: int = 4) -> Table:
+    """Return a DataFrame as a table, numbers with so many digits at the right."""
+    columns = tuple((number_column if table[c].dtype.kind in "if" else text_column)(str(c)) for c in table)
+    texts = table.map(lambda value: f"{value:.{digits}g}" if isinstance(value, float) and value == value else value)
+    return Table(caption, caption, columns, texts.to_dict("records"))

@@ -1,53 +1,76 @@
-"""What `cooploc judge --truth` prints: who errs least, by how much, and what is odd about what was handed in."""
+"""What `cooploc judge` prints: who errs least, by how much, and what is odd about what was handed in."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 
 from cooploc.analysis.metrics.compare import compare
-from cooploc.analysis.metrics.trajectories import drift_and_heading, judge_trajectories
-from cooploc.analysis.report.tables import csv_text
+from cooploc.analysis.metrics.external import evaluate_external
+from cooploc.analysis.metrics.trajectories import drift, in_pieces, judge_pieces, match_trajectories, mean_drift
+from cooploc.analysis.report.tables import csv_text, frame
 from cooploc.estimators.errors import BadInput
+from cooploc.scenarios.runner.run import Run
+from cooploc.scenarios.stream import Truth
 from cooploc.terminal import tables
 from cooploc.terminal.console import make_console
 
 ONCE = ("estimator", "name", "ticks", "rmse", "rpe", "heading", "anees", "coverage95")
+DRIFT = "drift: RPE [m] between neighbouring poses, heading [rad]; root mean squares"
+EACH = "each robot, over its whole path; RMSE and RPE as evo has them"
 
 
 def show_trajectories(
-    truth: Path, named: Mapping[str, str], align: str, axes: str, pieces: int, out: Path | None,
+    truth: Path, named: Mapping[str, str], align: str, axes: str, pieces: int, out: Path | None, **shown: bool
+) -> None:
+    """Judge trajectories in files by true ones, and print who errs least, each robot's errors, and remarks."""
+    found = match_trajectories(truth, named, align, axes)
+    names, whole = list(found.paths), in_pieces(found, 1)
+    robots, rows = judge_pieces(*whole, names), judge_pieces(*in_pieces(found, pieces), names)
+    squares = robots["mse"] * robots["ticks"]  # of as many poses for each method
+    order = squares.groupby(robots["estimator"], sort=False).sum().sort_values(kind="stable").index
+    rows = pd.concat([rows[rows["estimator"] == name] for name in order], ignore_index=True)
+    apart = f"trials are {pieces} pieces of the recording, one after the other and not independent"
+    how = f"alignment: {align}; covariances in axes of the {axes}"
+    notes = [how, *[apart] * (pieces > 1), *found.remarks]
+    _show(rows, robots, whole[0], whole[1], notes, out, **shown)
+
+
+def show_external(
+    source: str, named: Mapping[str, str] | str, estimators: str | None, offline: bool, out: Path | None,
+    how: Mapping[str, object], **shown: bool,
+) -> None:  # fmt: skip
+    """Judge trajectories that were computed from a stream of ours, and print who errs least."""
+    rows, truth, run = evaluate_external(source, named, estimators, offline, **how)
+    _show(rows.merge(drift(truth, run)), None, truth, run, [], out, **shown)
+
+
+def _show(
+    rows: pd.DataFrame, robots: pd.DataFrame | None, truth: Truth, run: Run, notes: Sequence[str], out: Path | None,
     as_json: bool, every_column: bool, legend: bool,
 ) -> None:  # fmt: skip
-    """Judge trajectories in files by true ones, and print who errs least, each robot's errors, and remarks."""
-    rows, remarks = judge_trajectories(truth, named, align, axes, pieces)
-    whole, _ = judge_trajectories(truth, named, align, axes)
-    mean = whole.assign(mse=whole["mse"] * whole["ticks"]).groupby("estimator", sort=False)[["mse", "ticks"]].sum()
-    best = str((mean["mse"] / mean["ticks"]).idxmin())
-    order = np.argsort(mean["mse"].to_numpy() / mean["ticks"].to_numpy(), kind="stable")
-    rows = pd.concat([rows[rows["estimator"] == name] for name in mean.index[order]], ignore_index=True)
-    table = compare(rows, best, full=True)
-    robots = whole[list(ONCE)].rename(columns={"ticks": "poses", "estimator": "method", "name": "robot"})
+    """Print the results against the first method, drift, robots, and notes; with `out`, write them and a page, too."""
+    table = compare(rows, rows["estimator"].iloc[0], full=True)
     tables.show_table(table, rows, as_json, every_column, legend)
-    console = make_console(stderr=as_json)
-    if not as_json:
-        if pieces > 1:
-            console.print(f"trials are {pieces} pieces of the recording, one after the other and not independent")
-        drift = drift_and_heading(rows).rename(columns={"estimator": "method"})
-        caption = "drift: RPE [m] between neighbouring poses, heading [rad]; root mean squares"
-        for text, found in (
-            (caption, drift),
-            ("each robot, over its whole path; RMSE and RPE as evo has them", robots),
-        ):
-            console.print(tables.frame(text, found).terminal())
-    for remark in remarks:
-        console.print(f"note: {remark}")
-    if out:
-        try:
-            out.mkdir(parents=True, exist_ok=True)
-        except OSError as e:
-            raise BadInput(f"{out}: cannot be made ({e.strerror}); name another folder with --out") from None
-        tables.keep_tables(table, rows, out)
+    console, mean = make_console(stderr=as_json), mean_drift(rows).rename(columns={"estimator": "method"})
+    parts = [frame(DRIFT, mean)]
+    if robots is not None:
+        robots = robots[list(ONCE)].rename(columns={"ticks": "poses", "estimator": "method", "name": "robot"})
+        parts.append(frame(EACH, robots))
+    for one in () if as_json else parts:
+        console.print(one.terminal())
+    for note in notes:
+        console.print(f"note: {note}")
+    if out is None:
+        return
+    from cooploc.analysis.report.section_pages import judged_page
+
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as e:
+        raise BadInput(f"{out}: cannot be made ({e.strerror}); name another folder with --out") from None
+    tables.keep_tables(table, rows, out)
+    if robots is not None:
         (out / "robots.csv").write_text(csv_text(robots), encoding="utf-8")
-        console.print(f"tables and figure: {out}")
+    (out / "index.html").write_text(judged_page(truth, run, rows, table, parts, notes), encoding="utf-8")
+    console.print(f"page: {out / 'index.html'}; beside it tables and a figure")

@@ -33,7 +33,7 @@ from cooploc.analysis.report.result_tables import (
     result_columns,
     sort_rows,
 )
-from cooploc.analysis.report.tables import Table, csv_text, number_column, text_column, words
+from cooploc.analysis.report.tables import Table, csv_text, frame, number_column, text_column, words
 from cooploc.estimators.registry import shorten_labels
 from cooploc.scenarios.conformance import Report
 from cooploc.scenarios.recordings.scenario import NO_ORDER
@@ -420,10 +420,3 @@ def show_inspection(found: Any, files: Sequence[Path]) -> None:
         say(f"next: correct {log}, then cooploc inspect {log.parent}")
     else:
         say(f"next: look at both, then cooploc run log --data {log.parent}")
-
-
-def frame(caption: str, table: pd.DataFrame, digits: int = 4) -> Table:
-    """Return a DataFrame as a table, numbers with so many digits at the right."""
-    columns = tuple((number_column if table[c].dtype.kind in "if" else text_column)(str(c)) for c in table)
-    texts = table.map(lambda value: f"{value:.{digits}g}" if isinstance(value, float) and value == value else value)
-    return Table(caption, caption, columns, texts.to_dict("records"))

@@ -10,7 +10,7 @@ from processes import inside
 from rosbags.rosbag2 import Writer
 
 import cooploc as cl
-from cooploc.analysis.metrics.trajectories import drift_and_heading, judge_trajectories, match_stamps
+from cooploc.analysis.metrics.trajectories import judge_trajectories, match_stamps, mean_drift
 
 ROBOTS = "red", "blue"
 
@@ -69,12 +69,15 @@ def test_methods_are_judged_at_common_times_and_pieces_are_trials(team, tmp_path
     (tmp_path / "blue.txt").write_text((team / "mine/blue.txt").read_text())
     both = {"mine": tmp_path, "theirs": team / "theirs"}
     rows, notes = judge_trajectories(team / "truth", both, align="team", pieces=5)
-    assert notes == ("robot 'red': 150 of 199 poses are judged; not every method has the others",)
+    assert notes == (
+        "mine: robot 'red' has no poses in 14.9 of 59.9 s, and is not judged there",
+        "robot 'red': 150 of 199 poses are judged; not every method has the others",
+    )
     assert rows.groupby(["estimator", "name"])["ticks"].sum().unstack()["red"].tolist() == [150, 150]
     table = cl.compare(rows, "mine", full=True)
     assert table["trials"].tolist() == [5, 5]
     assert (table["rmse_low"] < table["rmse"]).all()
-    drift = drift_and_heading(rows).set_index("estimator")
+    drift = mean_drift(rows).set_index("estimator")
     assert drift.loc["mine", "rpe"] < drift.loc["theirs", "rpe_low"]
 
 
@@ -193,7 +196,7 @@ def broken(honest, folder, **change):
         ({"P": "negative"}, r"covariances.npz, index 7: the covariance is not positive, its least eigenvalue is -"),
         ({"P": "negative", "how": "csv"}, r"red.csv, line 9: the covariance is not positive"),
         ({"P": "negative", "how": "beside"}, r"red.cov.txt, line 8: the covariance is not positive"),
-        ({"P": "crooked"}, r"covariances.npz: red holds a matrix that is not symmetric"),
+        ({"P": "crooked"}, r"covariances.npz, index 7: the covariance is not symmetric"),
         ({"P": "short"}, r"covariances.npz: red has shape \(5, 3, 3\), not \(600, 2, 2\) or \(600, 3, 3\)"),
         ({"P": "absent"}, r"mine: 1 of 600 poses have no covariance: add them, or remove all"),
     ],
@@ -222,7 +225,7 @@ def test_a_robot_without_a_file_and_unknown_words_are_one_line(team, tmp_path):
         judge_trajectories(team / "truth", {"mine": tmp_path})
     with pytest.raises(cl.BadInput, match=r"there is no align 'se3'; did you mean 'se2'"):
         judge_trajectories(team / "truth", {"mine": team / "mine"}, align="se3")
-    with pytest.raises(cl.BadInput, match="pieces is 1000; it must lie between 1 and 99"):
+    with pytest.raises(cl.BadInput, match="pieces is 1000; it must be a whole number from 1 to 99"):
         judge_trajectories(team / "truth", {"mine": team / "mine"}, pieces=1000)
 
 
@@ -233,6 +236,10 @@ def test_the_command_ranks_methods_and_says_what_is_odd(team, tmp_path):
     assert done.stdout.index(" mine ") < done.stdout.index(" theirs ")
     assert pd.read_csv(tmp_path / "out/robots.csv")["robot"].tolist() == ["blue", "red"] * 2
     assert (tmp_path / "out/rmse.png").exists()
+    page = (tmp_path / "out/index.html").read_text("utf-8")
+    assert "<strong>mine has the smallest RMSE, " in page
+    assert page.count("data:image/png;base64,") == 4  # RMSE, two paths, error over time
+    assert all(f"<td>{robot}</td>" in page for robot in ROBOTS)
     assert "another frame" in inside("judge", "--truth", team / "truth", *named).stdout.replace("\n", " ")
     equals = tmp_path / "ekf-local[gate=3]"
     shutil.copytree(team / "mine", equals)
@@ -263,6 +270,12 @@ def test_stored_covariances_follow_poses_in_any_order_and_headings_may_lack_them
         ("red.csv", "stamp,x,y,xx,xy,yy\n0,0,0,1,0,1\n1,1,0,1,0,1\n", {"axes": "body"}, "no heading for axes"),
         ("red.csv", "stamp,x,y\n0,0,0\n1000000000000,1,0\n", {}, "write seconds"),
         ("red.csv", "stamp,x,y\n", {}, "it has no line"),
+        ("red.csv", "stamp,x,y,yaw\n0,0,0,0\n1,0,0,north\n", {}, "line 3: heading is 'north', which is not a number"),
+        ("red.csv", "stamp,x,y\n0,0,0\n1,,0\n", {}, "line 3: x is 'nan', which is not a number"),
+        ("red.txt", "0 0 0 0 0 0 0 1\n1 nan 0 0 0 0 0 1\n", {}, "red.txt, line 2: tx is 'nan'"),
+        ("red.txt", "0 0 0 0 1 0 0 0\n1 0 0 0 1 0 0 0\n", {}, "write qx qy qz qw, w last"),
+        ("red.txt", "0,0,0,0,0,0,0,1\n", {}, "line 1: 1 columns, not 8"),
+        ("red.txt", "0 0 0 0 0 0 0 1\n1 0 0 0 0 0 0 1\n", {"pieces": 1.5}, "must be a whole number from 1 to 1"),
         ("red.csv", "stamp,time,x,y\n0,0,0,0\n", {}, "two columns are one: stamp, stamp, x, y"),
         ("red.csv", "stamp,x,y\n0,0,0\n", {}, "a robot has 1 pose to judge"),
         ("covariances.npz", "PK\x03\x04", {}, "covariances.npz: cannot be read"),
@@ -279,3 +292,59 @@ def test_files_that_lack_what_is_asked_are_one_line(honest, tmp_path, file, text
     (tmp_path / "mine" / file).write_text(text)
     with pytest.raises(cl.BadInput, match=said):
         judge_trajectories(tmp_path / "truth", {"mine": tmp_path / "mine"}, **how)
+
+
+def test_one_file_of_any_name_is_a_team_of_one_and_what_stands_or_is_not_known_is_told(honest, tmp_path):
+    t, true, x, _, P = honest
+    write_tum(tmp_path / "truth.tum", t, true)
+    written(tmp_path / "mine", t, x, 0 * P, "beside")
+    (tmp_path / "mine/red.txt").rename(tmp_path / "mine/poses.tum")
+    (tmp_path / "mine/red.cov.txt").rename(tmp_path / "mine/poses.cov.txt")
+    rows, notes = judge_trajectories(tmp_path / "truth.tum", {"mine": tmp_path / "mine/poses.tum"})
+    assert rows["rmse"].item() == pytest.approx(np.sqrt(((x - true)[:, :2] ** 2).sum(1).mean()), rel=1e-6)
+    assert rows["anees"].isna().all()  # zeros are not known, as in ROS
+    assert notes == ()
+    write_tum(tmp_path / "still.txt", t, 0 * true)
+    rows, notes = judge_trajectories(tmp_path / "still.txt", {"mine": tmp_path / "still.txt"})
+    assert rows["rmse"].item() == 0
+    assert notes == ("robot 'still' stands, within 0.05 m: its RPE is noise, and its own path does not align it",)
+
+
+def test_a_quaternion_of_zeros_is_no_heading(honest, tmp_path):
+    t, true, x, *_ = honest
+    write_tum(tmp_path / "truth.txt", t, true)
+    for name, lacking in (("mine", slice(6, 8)), ("theirs", slice(0, 0))):
+        write_tum(tmp_path / f"{name}.txt", t, x)
+        columns = np.loadtxt(tmp_path / f"{name}.txt")
+        columns[:, lacking] = 0
+        np.savetxt(tmp_path / f"{name}.txt", columns)
+    rows, _ = judge_trajectories(
+        tmp_path / "truth.txt", {name: tmp_path / f"{name}.txt" for name in ("mine", "theirs")}
+    )
+    assert rows["rmse"].iloc[0] == pytest.approx(rows["rmse"].iloc[1])
+    assert rows["heading"].isna().tolist() == rows["rpe"].isna().tolist() == [True, False]
+
+
+def test_of_several_topics_of_a_robot_that_of_the_method_counts(honest, tmp_path):
+    t, true, x, *_ = honest
+    write_tum(tmp_path / "red.txt", t, true)
+    with Writer(tmp_path / "bag", version=9) as writer:
+        kind = "nav_msgs/msg/Odometry"
+        for topic, path in (("/red/odom", x + 1), ("/red/ekf", x)):
+            there = writer.add_connection(topic, kind, typestore=ROS2)
+            for k, stamp in enumerate(t):
+                writer.write(there, round(stamp * 1e9), odometry(round(stamp * 1e9), path[k]))
+    rows, _ = judge_trajectories(tmp_path / "red.txt", {"ekf": tmp_path / "bag", "odom": tmp_path / "bag"})
+    assert rows["rmse"].iloc[0] < 0.5 < rows["rmse"].iloc[1]
+    with pytest.raises(cl.BadInput, match=r"topics /red/odom, /red/ekf of robot 'red': name the method like a part"):
+        judge_trajectories(tmp_path / "red.txt", {"mine": tmp_path / "bag"})
+
+
+def odometry(ns, x):
+    """A message of nav_msgs/Odometry without covariances."""
+    kind, stamped = "nav_msgs/msg/Odometry", posed(ns, x, np.zeros((3, 3)))
+    none = ROS2.types["geometry_msgs/msg/Vector3"](x=0.0, y=0.0, z=0.0)
+    twist = ROS2.types["geometry_msgs/msg/Twist"](linear=none, angular=none)
+    still = ROS2.types["geometry_msgs/msg/TwistWithCovariance"](twist=twist, covariance=np.zeros(36))
+    made = ROS2.types[kind](header=stamped.header, child_frame_id="base", pose=stamped.pose, twist=still)
+    return bytes(ROS2.serialize_cdr(made, kind))

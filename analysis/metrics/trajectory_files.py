@@ -1,0 +1,287 @@
+"""Files of a team's trajectories, of any program: read with their covariances, and ours written for any program.
+
+A team is a folder with a file for each robot, the same names in every folder; its name is the robot's.
+
+- `NAME.txt` or `NAME.tum` is a TUM file: a line `stamp tx ty tz qx qy qz qw` for each pose, of which x, y and yaw
+  count; a quaternion of zeros is no heading. Beside it `NAME.cov.txt` may have the covariances, a line `stamp xx xy yy`
+  [m^2], the upper triangle of the position's, or `stamp xx xy xh yy yh hh` [m^2, m rad, rad^2], of position and heading
+  h, at the stamps of the poses.
+- `NAME.csv` has a header with `stamp` (or `time`, `t`), `x`, `y`, and where they are known `heading` (or `theta`,
+  `yaw`) [rad] and the covariance's `xx`, `xy`, `yy`, `xh`, `yh`, `hh` (or `Pxx`, `Pxy`, ...), as MATLAB's
+  `writetable` writes it.
+- `covariances.npz` may have them for all robots: an array `NAME` (T, 3, 3) or (T, 2, 2), at the stamps of the poses.
+
+Or it is a ROS bag, whose topics of nav_msgs/Odometry and geometry_msgs/PoseWithCovarianceStamped have the robots' names
+in their own; of several topics of a robot, that with the method's name in it. A team of one robot may be one file, of
+any name. Covariances of a robot that are all zero are not known, as in ROS.
+
+Source: the TUM RGB-D benchmark, J. Sturm et al., IROS 2012.
+"""
+
+import re
+import zipfile
+from collections.abc import Mapping, Sequence
+from itertools import product
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from cooploc.analysis.metrics.errors import demand_same
+from cooploc.estimators.errors import BadInput, nearest
+from cooploc.estimators.interface import Array, Mask
+from cooploc.scenarios.recordings.bag_storage import KINDS, bag_paths, open_bag, stamp_of
+from cooploc.scenarios.recordings.text_files import TextTable, read_table
+from cooploc.scenarios.runner.run import Run
+from cooploc.scenarios.stream import Truth
+
+TRUTH = "truth"  # the folder of true trajectories
+COLUMNS = ("timestamp", "tx", "ty", "tz", "qx", "qy", "qz", "qw")
+COVARIANCES = {2: ("timestamp", "xx", "xy", "yy"), 3: ("timestamp", "xx", "xy", "xh", "yy", "yh", "hh")}  # by d
+COVARIANCE, STORED, ENDINGS = ".cov.txt", "covariances.npz", (".txt", ".tum", ".csv")
+WITH_COVARIANCE = ("nav_msgs/msg/Odometry", "geometry_msgs/msg/PoseWithCovarianceStamped")
+OTHER_NAMES = {"time": "stamp", "timestamp": "stamp", "t": "stamp", "theta": "heading", "yaw": "heading"}
+TRIANGLE = {d: np.triu_indices(d) for d in (2, 3)}
+LATEST = 1e10  # [s] stamps beyond are in another unit; those of today are below 2e9
+EQUAL = 1e-5  # [s] stamps of a pose and of its covariance differ by less
+UNIT = 0.01  # a quaternion's length may differ from 1 by so much
+TILTED = 0.5  # cosine of the median angle from z up, below which poses are not those of a robot in the plane
+ROUNDING = 1e-6  # asymmetry of a covariance that is written in text, and 0.001 of it below zero, of its largest entry
+
+
+class Trajectory(NamedTuple):
+    """The poses of one robot by rising stamps, and their covariances."""
+
+    stamp: Array  # (T,) [s]
+    x: Array  # (T, 3)  x [m], y [m], heading [rad]; nan where there is no heading
+    P: Array  # (T, 3, 3)  nan where it is not known
+
+
+Team = Mapping[str, Trajectory]
+
+
+def read_team(place: Path, robots: Sequence[str] = (), method: str = TRUTH) -> Team:
+    """Read the trajectories of a folder, file or bag by robot; of these robots alone, where they are named."""
+    if not place.exists():
+        raise BadInput(f"there is no folder {place}; name the one that holds a file for each robot")
+    files = team_files(place)
+    named = {name: path for name, path in files.items() if not robots or name in robots}
+    if len(robots) == len(files) == 1:  # whatever its name
+        named = dict(zip(robots, files.values(), strict=True))
+    found = read_files(named) if files else _read_bag(place, robots, method)
+    for robot in [robot for robot in robots if robot not in found]:
+        raise BadInput(f"{place}: robot {robot!r} has no trajectory; {nearest(robot, list(files or found))}")
+    return found
+
+
+def team_files(place: Path) -> dict[str, Path]:
+    """Return the files of poses of a folder, or the file itself, by the names of their robots."""
+    files = sorted(place.iterdir()) if place.is_dir() else [place]
+    files = [path for path in files if path.suffix in ENDINGS and ".cov." not in path.name]
+    named = {path.stem: path for path in files}
+    for path in files:
+        if named[path.stem] != path:
+            raise BadInput(f"{path} and {named[path.stem].name} are of one robot: remove one of them")
+    return named
+
+
+def read_files(files: Mapping[str, Path]) -> dict[str, Trajectory]:
+    """Read the poses of robots, and the covariances that stand with or beside them."""
+    stored = {folder: _read_stored(folder / STORED) for folder in {path.parent for path in files.values()}}
+    found = {}
+    for key, path in files.items():
+        one = _read_csv(path) if path.suffix == ".csv" else _read_tum(path)
+        if path.stem in stored[path.parent]:
+            T, P, where = len(one.stamp), stored[path.parent][path.stem], path.parent / STORED
+            if P.shape not in ((T, 2, 2), (T, 3, 3)):
+                raise BadInput(
+                    f"{where}: {path.stem} has shape {P.shape}, not ({T}, 2, 2) or ({T}, 3, 3), a matrix for each pose"
+                )
+            one = one._replace(P=_covariances(P, TextTable(where, one.x, np.arange(T)), "index"))
+        found[key] = _by_time(path, one)
+    return found
+
+
+def _by_time(place: Path, one: Trajectory) -> Trajectory:
+    """Return poses by rising stamps; refuse stamps that are not in seconds."""
+    if np.abs(one.stamp).max() > LATEST:
+        raise BadInput(f"{place}: stamps reach {np.abs(one.stamp).max():.3g}: write seconds")
+    order = np.argsort(one.stamp, kind="stable")
+    return Trajectory(*(field[order] for field in one))
+
+
+def _read_tum(path: Path) -> Trajectory:
+    """Read the poses of a TUM file, and the covariances beside it."""
+    table = read_table(path, COLUMNS, strict=True)
+    stamp, q = table.values[:, 0], table.values[:, 4:]
+    length = np.linalg.norm(q, axis=1)
+    for row in np.flatnonzero((np.abs(length - 1) > UNIT) & (length > 0)).tolist():
+        raise BadInput(f"{table.at(row)}: qx qy qz qw is not a unit quaternion; heading 0 is 0 0 0 1")
+    x, y, z, w = q.T
+    if np.median(1 - 2 * (x * x + y * y)) < TILTED:
+        raise BadInput(f"{path}: z of most poses does not point up: write qx qy qz qw, w last, of a robot in the plane")
+    heading = np.where(length > 0, np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)), np.nan)
+    P, beside = np.full((len(stamp), 3, 3), np.nan), path.with_name(path.stem + COVARIANCE)
+    if beside.exists():
+        width = len(beside.read_text("utf-8", "replace").rstrip().rpartition("\n")[2].split())
+        triangle = read_table(beside, COVARIANCES[3 if width == len(COVARIANCES[3]) else 2], strict=True)
+        if len(triangle.values) != len(stamp) or (np.abs(triangle.values[:, 0] - stamp) > EQUAL).any():
+            raise BadInput(f"{beside}: its stamps are not those of {path.name}: write one line for each pose")
+        P = _covariances(_from_triangle(triangle.values[:, 1:]), triangle)
+    return Trajectory(stamp, np.column_stack([table.values[:, 1:3], heading]), P)
+
+
+def _read_csv(path: Path) -> Trajectory:
+    """Read a CSV file with a header."""
+    try:
+        table = pd.read_csv(path)
+    except (ValueError, OSError) as e:
+        raise BadInput(f"{path}: cannot be read as CSV ({' '.join(str(e).split())[:100]}); write it again") from None
+    table.columns = pd.Index([OTHER_NAMES.get(name, name) for name in table.columns.str.strip(" #%").str.lower()])
+    table = table.rename(columns=lambda name: name.removeprefix("p") if re.fullmatch("p[xyh]{2}", name) else name)
+    for name in ("stamp", "x", "y"):
+        if name not in table:
+            raise BadInput(f"{path} has no column {name}; it has {', '.join(table.columns)}, parted by commas")
+    if not table.columns.is_unique or table.empty:
+        fault = "it has no line" if table.empty else f"two columns are one: {', '.join(table.columns)}"
+        raise BadInput(f"{path}: {fault}; correct the file")
+    names = ["stamp", "x", "y", "heading", *COVARIANCES[3][1:]]
+    given = table.reindex(columns=names)
+    values = given.apply(pd.to_numeric, errors="coerce").to_numpy(float)
+    bad = np.isinf(values) | np.isnan(values) & (given.notna().to_numpy() | (np.arange(len(names)) < 3))
+    for row, column in np.argwhere(bad):
+        is_now = f"{names[column]} is {str(given.iloc[row, column])[:40]!r}, which is not a number"
+        raise BadInput(f"{path}, line {row + 2}: {is_now}; correct or remove the line")
+    lines = TextTable(path, values, np.arange(2, len(values) + 2))
+    return Trajectory(values[:, 0], values[:, 1:4], _covariances(_from_triangle(values[:, 4:]), lines))
+
+
+def _read_stored(path: Path) -> dict[str, Array]:
+    """Read the arrays of an npz file; none where there is no file."""
+    try:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
+            return {name: np.asarray(stored[name], float) for name in stored.files}
+    except FileNotFoundError:
+        return {}
+    except (ValueError, TypeError, OSError, zipfile.BadZipFile) as e:
+        raise BadInput(f"{path}: cannot be read ({' '.join(str(e).split())[:100]}); write it with np.savez") from None
+
+
+def _read_bag(place: Path, robots: Sequence[str], method: str) -> dict[str, Trajectory]:
+    """Read the poses with covariances of a bag's topics by robot."""
+    rows: dict[str, list[tuple[float, ...]]] = {}
+    for path in bag_paths(place):
+        try:
+            _collect_poses(path, rows)
+        except Exception as e:  # rosbags raises whatever its parsers raise on damaged files
+            raise BadInput(f"{path}: cannot be read as a bag ({' '.join(str(e).split())[:100]}); repair it") from None
+    if not rows:
+        raise BadInput(
+            f"{place} holds no NAME.txt or NAME.csv, nor a bag with topics of {' or '.join(WITH_COVARIANCE)}"
+        )
+    topics: dict[str, list[str]] = {}
+    for topic in rows:
+        parts = topic.strip("/").split("/")
+        others = [part for part in parts if part != method] or parts
+        alone = len(robots) == len(rows) == 1
+        for robot in robots if alone else [one for one in robots if one in parts] if robots else others[:1]:
+            topics.setdefault(robot, []).append(topic)
+    found = {}
+    for robot, several in topics.items():
+        chosen = several if len(several) == 1 else [topic for topic in several if method in topic.split("/")]
+        if len(chosen) != 1:
+            raise BadInput(
+                f"{place} has topics {', '.join(several)} of robot {robot!r}: name the method like a part of one of "
+                f"them, as in --tum {several[0].rpartition('/')[2]}={place}; here it is {method!r}"
+            )
+        table = np.array(rows[chosen[0]])
+        lines = TextTable(place, table, np.arange(len(table)))
+        P = _covariances(table[:, 4:].reshape(-1, 3, 3), lines, f"{chosen[0]}, message")
+        found[robot] = _by_time(place, Trajectory(table[:, 0], table[:, 1:4], P))
+    return found
+
+
+def _collect_poses(path: Path, rows: dict[str, list[tuple[float, ...]]]) -> None:
+    """Add the stamp, pose and covariance of every message of one bag to the rows of its topic."""
+    with open_bag(path) as bag:
+        kinds = {topic: kind for topic, kind in bag.types.items() if kind in WITH_COVARIANCE}
+        for topic, received, raw in bag.messages(kinds):
+            message = bag.decode(raw, kinds[topic])
+            x, y, _, heading = KINDS[kinds[topic]].rows(message)[0][:4]
+            C = np.asarray(message.pose.covariance, float).reshape(6, 6)[np.ix_([0, 1, 5], [0, 1, 5])]
+            stamp = 1e-9 * (stamp_of(message) or received)
+            rows.setdefault(topic, []).append((stamp, x, y, heading, *C.ravel()))
+
+
+def _from_triangle(values: Array) -> Array:
+    """Return matrices (T, d, d) of their upper triangles (T, d (d + 1) / 2); those of a pose may lack the heading's."""
+    d = 2 if values.shape[1] == len(TRIANGLE[2][0]) else 3
+    P = np.full((len(values), d, d), np.nan)
+    P[:, TRIANGLE[d][0], TRIANGLE[d][1]] = P[:, TRIANGLE[d][1], TRIANGLE[d][0]] = values
+    return P
+
+
+def _covariances(P: Array, table: TextTable, line: str = "line") -> Array:
+    """Return covariances (T, 3, 3) of matrices (T, d, d), nan where none is known; refuse what is no covariance."""
+    out = np.full((len(P), 3, 3), np.nan)
+    out[:, : P.shape[1], : P.shape[1]] = P
+    if (out[:, :2, :2] == 0).all():
+        out[:] = np.nan
+    if (out[:, 2] == 0).all():
+        out[:, 2] = out[:, :, 2] = np.nan
+    scale = np.abs(np.nan_to_num(out)).max((1, 2))
+    asymmetry = np.abs(np.nan_to_num(out - out.mT)).max((1, 2))
+    for row in np.flatnonzero(asymmetry > ROUNDING * scale).tolist():
+        raise BadInput(f"{table.path}, {line} {table.line[row]}: the covariance is not symmetric: correct it")
+    for d in (2, 3):
+        known: Mask = np.asarray(np.isfinite(out[:, :d, :d]).all((1, 2)))
+        least = np.linalg.eigvalsh(np.where(known[:, None, None], out[:, :d, :d], np.eye(d))).min(1)
+        for row in np.flatnonzero(least < -1e-3 * ROUNDING * scale).tolist():
+            where = f"{table.path}, {line} {table.line[row]}"
+            raise BadInput(
+                f"{where}: the covariance is not positive, its least eigenvalue is {least[row]:.3g}: correct it"
+            )
+    return out
+
+
+# ---- written
+
+
+def to_tum(truth: Truth, run: Run, folder: str | Path, time: Array | None = None) -> list[Path]:
+    """Write `ESTIMATOR/trial0-robot0.txt` for each trial, robot and estimator, and `truth/trial0-robot0.txt`.
+
+    Beside an estimator's file stands one of its covariances, `trial0-robot0.cov.txt`.
+
+    Characters unfit for a file name become "_". Ticks without truth are left out of the truth's file. `time` (T,) is
+    that of the ticks [s], such as `stream.time`; without it their number, from 1. Return the files, the truth's first.
+
+    """
+    demand_same(truth, run)
+    stamps = np.arange(1.0, truth.x.shape[1] + 1) if time is None else np.asarray(time, float)
+    if stamps.shape != truth.x.shape[1:2]:
+        raise BadInput(f"time has shape {stamps.shape}; it must be ({truth.x.shape[1]},), one number a tick")
+    names = {estimator: re.sub(r"[^\w.,=+\[\]-]", "_", estimator) for estimator in run.traces}
+    for estimator, name in names.items():
+        if name.strip(".") == "" or name.lower() == TRUTH:  # no folder of its own
+            names[estimator] = f"{name}_"
+    if len({name.lower() for name in names.values()}) < len(names):
+        raise BadInput(f"two of {', '.join(names)} would share a folder: rename one in cl.run")
+    none = np.full((*truth.x.shape, truth.x.shape[-1]), np.nan)
+    teams = [(TRUTH, truth.x, none, truth.valid)]
+    teams += [(names[each], trace.x, trace.P, np.ones_like(truth.valid)) for each, trace in run.traces.items()]
+    files = []
+    for name, x, P, known in teams:
+        (Path(folder) / name).mkdir(parents=True, exist_ok=True)
+        for (i, trial), robot in product(enumerate(run.trial), range(x.shape[2])):
+            there = known[i, :, robot]
+            pose = x[i, there, robot]
+            half, zero = (pose[:, 2] / 2 if x.shape[-1] > 2 else np.zeros(len(pose))), np.zeros(len(pose))
+            columns = stamps[there], pose[:, 0], pose[:, 1], zero, zero, zero, np.sin(half), np.cos(half)
+            files.append(Path(folder) / name / f"trial{trial}-robot{robot}.txt")
+            np.savetxt(files[-1], np.column_stack(columns), fmt="%.9f")
+            if np.isfinite(P[i, :, robot]).all():
+                triangle = P[i, :, robot][(slice(None), *np.triu_indices(P.shape[-1]))]
+                beside = files[-1].with_name(files[-1].stem + COVARIANCE)
+                np.savetxt(beside, np.column_stack([stamps, triangle]), fmt=["%.9f", *["%.17g"] * triangle.shape[1]])
+    return files
