@@ -135,6 +135,8 @@ def read_tum(folder: str | Path, stream: Stream) -> dict[str, Trace]:
     Covariances are nan where no robot has a file of them; messages, bytes and seconds are not known, and nan.
     """
     folder = Path(folder)
+    if not folder.is_dir():
+        raise BadInput(f"there is no folder {folder}; name the one that holds the TUM files")
     own = bool(_files(folder))
     others = () if own else sorted(folder.iterdir())
     found = [folder] * own + [one for one in others if one.is_dir() and one.name != TRUTH and _files(one)]
