@@ -151,7 +151,7 @@ def _shared_remarks(true: Team, teams: Mapping[str, Team], paths: Mapping[str, A
             remarks.append(f"robot {robot!r}: {len(path)} of {most} poses are judged; not every method has the others")
         if np.ptp(path[:, :2], axis=0).max() < STANDING:
             remarks.append(
-                f"robot {robot!r} stands, within {STANDING:g} m: its RPE is noise, and its own path does not align it"
+                f"robot {robot!r} stands, within {STANDING:g} m: its RPE is noise, and --align se2 turns it at random"
             )
     return remarks
 
@@ -174,6 +174,8 @@ def _align(
 ) -> tuple[dict[str, Trajectory], list[str]]:
     """Return a team's trajectories in the frame of the truth, covariances in its axes, and remarks."""
     remarks, found = [], {}
+    if all(np.isnan(one.P[:, :2, :2]).all() for one in team.values()):
+        remarks.append(f"{name} has no covariances, or zeros alone: its consistency is not known")
     everywhere = ([one.x for one in team.values()], paths.values())
     together = fit_frame(*(np.concatenate([x[:, :2] for x in all_of]) for all_of in everywhere))
     for robot, one in team.items():
@@ -204,10 +206,9 @@ def _align(
             raise BadInput(
                 f"{name}: robot {robot!r} has no heading for axes of its body: add it, or choose --axes world"
             )
-        if axes == "body":
-            one = one._replace(P=turn_covariances(one.P, one.x[:, 2]))
-        else:
-            remarks += _axes_remark(name, robot, one, true)
+        in_world = one._replace(P=turn_covariances(one.P, one.x[:, 2]))
+        remarks += _axes_remark(f"{name}: the covariances of robot {robot!r}", one, in_world.P, true, axes)
+        one = in_world if axes == "body" else one
         if align == "origin":
             angle = float(wrap(true[0, 2] - one.x[0, 2]))
             shift = true[0, :2] - rotation(angle) @ one.x[0, :2]
@@ -248,27 +249,31 @@ def turn_covariances(P: Array, angle: Array) -> Array:
     return np.where(np.isnan(P), np.nan, R @ known @ R.swapaxes(1, 2))
 
 
-def _axes_remark(name: str, robot: str, one: Trajectory, true: Array) -> list[str]:
-    """Return a remark where errors fit the covariances in the robot's axes better, in almost every part of the path.
+def _axes_remark(of: str, one: Trajectory, turned: Array, true: Array, axes: str) -> list[str]:
+    """Return a remark where errors fit covariances in the other axes better, in almost every part of the path.
 
-    The determinant is the same in both, so that the smaller NEES is the likelier.
+    `turned` are the covariances if they are stated in the robot's axes. The determinant is the same in both, so that
+    the smaller NEES is the likelier.
     """
-    error, body = one.x[:, :2] - true[:, :2], turn_covariances(one.P, one.x[:, 2])
-    known: Mask = np.asarray(np.isfinite(one.P[:, :2, :2] + body[:, :2, :2]).all((1, 2)))
+    error = one.x[:, :2] - true[:, :2]
+    known: Mask = np.asarray(np.isfinite(one.P[:, :2, :2] + turned[:, :2, :2]).all((1, 2)))
     known &= np.linalg.det(np.where(known[:, None, None], one.P[:, :2, :2], 0.0)) > 0
     if np.count_nonzero(known) < 10 * BLOCKS:
         return []
-    here, there = (
-        np.einsum("ti,ti->t", error[known], np.linalg.solve(P[known, :2, :2], error[known][..., None])[..., 0]) / 2
-        for P in (one.P, body)
-    )
+    nees = {
+        said: np.einsum("ti,ti->t", error[known], np.linalg.solve(P[known, :2, :2], error[known][..., None])[..., 0])
+        / 2
+        for said, P in zip(AXES, (one.P, turned), strict=True)
+    }
+    (other,) = {*AXES} - {axes}
+    here, there = nees[axes], nees[other]
     parts = zip(np.array_split(here, BLOCKS), np.array_split(there, BLOCKS), strict=True)
     better = sum(b.mean() < a.mean() for a, b in parts)
     if better < BLOCKS - 1 or there.mean() > 0.8 * here.mean():
         return []
     return [
-        f"{name}: the covariances of robot {robot!r} fit in the axes of the robot (ANEES {there.mean():.3g}) better "
-        f"than in those of the world ({here.mean():.3g}): if they are stated so, --axes body"
+        f"{of} fit in axes of the {other} (ANEES {there.mean():.3g}) better than in those of the {axes} "
+        f"({here.mean():.3g}): if they are stated so, --axes {other}"
     ]
 
 
@@ -314,19 +319,20 @@ def in_pieces(found: Matched, pieces: int) -> tuple[Truth, Run]:
     for name, team in found.teams.items():
         x, P = poses(team[robot].x for robot in paths), cut([team[robot].P for robot in paths])
         d = x.shape[-1]
-        traces[name] = Trace.of(x, _without_gaps(name, P, valid)[..., :d, :d])
+        traces[name] = Trace.of(x, _without_gaps(name, P, valid, list(paths))[..., :d, :d])
     truth = Truth(found.label, trial, poses(paths.values()), valid, arena, hashes)
     return truth, Run(found.label, 0, trial, hashes, traces)
 
 
-def _without_gaps(name: str, P: Array, valid: Mask) -> Array:
+def _without_gaps(name: str, P: Array, valid: Mask, robots: Sequence[str]) -> Array:
     """Return covariances if every pose has one or none has; refuse those that are left out in part."""
     for d in (2, 3):
         known: Mask = np.asarray(np.isfinite(P[..., :d, :d]).all((3, 4)))
-        if known[valid].any() and not known[valid].all():
-            raise BadInput(
-                f"{name}: {(~known[valid]).sum()} of {valid.sum()} poses have no covariance: add them, or remove all"
-            )
+        lacking = (valid & ~known).sum((0, 1))
+        if known[valid].any() and lacking.any():
+            first = int(lacking.argmax())
+            count = f"{lacking[first]} of {valid[..., first].sum()} poses of robot {robots[first]!r}"
+            raise BadInput(f"{name}: {count} have no covariance: add them, or remove all")
     return P
 
 
