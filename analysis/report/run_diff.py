@@ -22,6 +22,7 @@ from cooploc.estimators.registry import shorten_labels
 SAME, NOTHING, WORSE = "bit-equal", "no difference shown", ("worse", "fails more", "gone")  # verdicts
 REMARKED = "verdict", "pairing", "failed_a", "failed_b"
 SETTINGS = ("seed", "data", "source", "commit", "cpu")
+MOST = 12  # changes that have a sentence of their own
 EXACT = ["mse", "anees", "coverage95"]
 COLUMNS = words("changes")  # name -> what it means
 
@@ -123,6 +124,10 @@ def sentences(found: pd.DataFrame) -> list[str]:
     known = both[both["change_low"].notna() & ~both.index.isin(same.index)]
     if len(known):
         lines += [f"{count} of them: {verdict}." for verdict, count in known["verdict"].value_counts().items()]
+        for row in known.head(MOST).to_dict("records"):
+            ends = interval(change)(row["change_low"], row["change_high"])
+            of = f"{row['scenario']}, {shorten_labels(row['estimator'])}"
+            lines.append(f"{of}: RMSE {change(row['change'])} ({ends}): {row['verdict']}.")
         lines.append("A change is shown where its p, adjusted by Holm over these rows, is at most 0.05.")
     if unpaired := (both["pairing"] == "unpaired").sum():
         lines.append(

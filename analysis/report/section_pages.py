@@ -43,7 +43,8 @@ def inspection_page(found: Inspected) -> str:
     sections = []
     for number, one in enumerate(found.findings, 1):
         figure = finding(one, found.log, found.corrected)
-        said = f"{one.fact[:1].upper()}{one.fact[1:]}. ({'; '.join(filter(None, (one.sure, one.source)))})"
+        fact = one.fact if "/" in one.fact.split()[0] else f"{one.fact[:1].upper()}{one.fact[1:]}"  # not of a path
+        said = f"{fact}. ({'; '.join(filter(None, (one.sure, one.source)))})"
         head = f"{number}. {one.kind.capitalize()}{': ' * bool(one.robot)}{one.robot}"
         sections.append(Section(head, [said], one.change, [(one.fact, _png(figure))] if figure else ()))
     robots, problem = len(found.log.robots), found.trial.problem
