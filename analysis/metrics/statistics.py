@@ -43,7 +43,8 @@ def trials_without_skew(values: Array) -> float:
     k = len(values)
     if k <= LEAST_TRIALS or not values.any():
         return k
-    variation = float(values.var(ddof=1) / values.mean() ** 2)
+    with np.errstate(over="ignore", invalid="ignore"):  # of a filter that diverged: no interval
+        variation = float(values.var(ddof=1) / values.mean() ** 2)
     return float(max(1 + (k - 1) / (1 + 3 * variation), LEAST_TRIALS))
 
 

@@ -44,8 +44,8 @@ def rmse(errors: pd.DataFrame, ax: Axes | None = None, floors: Mapping[str, floa
     """Draw the position RMSE of every estimator in every scenario, with 95 % intervals over trials.
 
     Hollow markers are over-confident: their 95 % ellipses hold fewer true positions than they promise. Centralised
-    estimators are grey. Three labels or more such as "packet-drop/drop=0.7" that differ in their value alone are drawn
-    as a sweep, with lines.
+    estimators are grey. In a new figure many estimators in few scenarios are rows with their names. Three labels or
+    more such as "packet-drop/drop=0.7" that differ in their value alone are drawn as a sweep, with lines.
 
     Args:
         errors: from `cl.errors` or `cl.sweep`.
@@ -65,9 +65,36 @@ def rmse(errors: pd.DataFrame, ax: Axes | None = None, floors: Mapping[str, floa
         style.finish(ax, along["parameter"].iloc[0], RMSE, above)
     else:
         above = _about_trials(table) + "; hollow: over-confident" * over_confident
+        if ax is None and len(names) > TOGETHER and table["scenario"].nunique() <= LEAST:
+            return _draw_in_rows(table, pens, above)
         ax = _draw_side_by_side(ax, table, pens, height, above)
     style.add_legend(ax)
     return ax
+
+
+def _draw_in_rows(table: pd.DataFrame, pens: Pens, above: str) -> Axes:
+    """Draw many estimators as rows with their names, best on top, a panel for each of a few scenarios."""
+    table, named = table[table["rmse"].notna()], {str(r["estimator"]): name_of(r) for r in table.to_dict("records")}
+    errors = np.log(table["rmse"]).groupby(table["estimator"]).mean().sort_values(ascending=False)
+    rows = [wrap_label(named[str(name)], 55) for name in errors.index]
+    parts = [part for _, part in table.groupby("scenario", sort=False)]
+    size = max(3.5, 9.0 / len(parts)), 1.1 + (0.26 if any("\n" in row for row in rows) else 0.22) * len(rows)
+    axes = style.new_panels(len(parts), len(parts), size, sharex=True, sharey=True)
+    for ax, part in zip(axes, parts, strict=True):
+        _draw_rows(ax, part, list(errors.index), pens)
+        style.finish(ax, RMSE, above=str(part["scenario"].iloc[0]), grid="both")
+    axes[0].set_yticks(range(len(rows)), rows, fontsize="small")
+    set_log_scale(axes[0].xaxis, *span(table, "rmse", "floor"))
+    figure: Any = axes[0].figure
+    figure.suptitle(above, x=0.01, ha="left", fontsize="small", color="0.35")
+    return axes[0]
+
+
+def _draw_rows(ax: Axes, part: pd.DataFrame, order: Sequence[str], pens: Pens) -> None:
+    for row in part.to_dict("records"):
+        style.draw_rmse(ax, order.index(row["estimator"]), row, pens[row["estimator"]], vertical=False)
+    ax.axvline(part["floor"].iloc[0], color="black", lw=1.0, ls=DOTTED)
+    ax.set_ylim(-0.6, len(order) - 0.4)
 
 
 def _draw_side_by_side(ax: Axes | None, table: pd.DataFrame, pens: Pens, height: float, above: str) -> Axes:
@@ -191,12 +218,9 @@ def ranking(parts: Sequence[pd.DataFrame], pens: Pens, short: Short, medium: Sty
     height = 0.55 + 0.17 * len(order) + 0.14 * (1 + max(title.count("\n") for title in titles))
 
     def draw(ax: Axes, part: pd.DataFrame, title: str) -> None:
-        for row in part.to_dict("records"):
-            style.draw_rmse(ax, order.index(row["estimator"]), row, pens[row["estimator"]], vertical=False)
-        ax.axvline(part["floor"].iloc[0], color="black", lw=1.0, ls=DOTTED)
+        _draw_rows(ax, part, order, pens)
         set_log_scale(ax.xaxis, *span(part, "rmse", "floor"))
         ax.set_yticks(range(len(order)), [short(name) + style.UNRANKED * (name in refused) for name in order])
-        ax.set_ylim(-0.6, len(order) - 0.4)
         ax.set_title(title)
 
     draws = [partial(draw, part=part, title=title) for part, title in zip(parts, titles, strict=True)]
