@@ -179,33 +179,22 @@ def _align(
     everywhere = ([one.x for one in team.values()], paths.values())
     together = fit_frame(*(np.concatenate([x[:, :2] for x in all_of]) for all_of in everywhere))
     for robot, one in team.items():
-        true = paths[robot]
+        true, of = paths[robot], f"{name}: robot {robot!r}"
         angle, shift, residual = fit_frame(one.x[:, :2], true[:, :2])
         mirrored = fit_frame(one.x[:, :2] * [1, -1], true[:, :2])[2]
         if mirrored < MIRRORED * residual:
-            raise BadInput(
-                f"{name}: the path of robot {robot!r} is mirrored: it fits the truth to {mirrored:.3g} m with y turned "
-                f"round, and to {residual:.3g} m as it is: write it with x forward and y left"
-            )
+            fits = f"it fits the truth to {mirrored:.3g} m with y turned round, and to {residual:.3g} m as it is"
+            raise BadInput(f"{of} has a mirrored path: {fits}: write it with x forward and y left")
         plain = float(np.sqrt(((one.x[:, :2] - true[:, :2]) ** 2).sum(1).mean()))
         if align == "none" and residual < plain / 5:
-            remarks.append(
-                f"{name}: robot {robot!r} errs by {plain:.3g} m, and by {residual:.3g} m once aligned: if it is in "
-                "another frame, --align se2"
-            )
+            errs = f"{of} errs by {plain:.3g} m, and by {residual:.3g} m once aligned"
+            remarks.append(f"{errs}: if it is in another frame, --align se2")
         if singular := np.count_nonzero(one.P[:, 0, 0] * one.P[:, 1, 1] == one.P[:, 0, 1] ** 2):
-            remarks.append(
-                f"{name}: {singular} covariances of robot {robot!r} are singular, as if its place were known: with any "
-                "error there, ANEES is infinite"
-            )
+            remarks.append(f"{of} has {singular} singular covariances: with any error there, ANEES is infinite")
         if align == "origin" and not np.isfinite(true[0, 2] - one.x[0, 2]):
-            raise BadInput(
-                f"{name}: robot {robot!r} has no heading in its first pose, or the truth: choose --align se2"
-            )
+            raise BadInput(f"{of} has no heading in its first pose, or the truth: choose --align se2")
         if axes == "body" and np.isfinite(one.P[:, :2, :2]).any() and not np.isfinite(one.x[:, 2]).all():
-            raise BadInput(
-                f"{name}: robot {robot!r} has no heading for axes of its body: add it, or choose --axes world"
-            )
+            raise BadInput(f"{of} has no heading for axes of its body: add it, or choose --axes world")
         in_world = one._replace(P=turn_covariances(one.P, one.x[:, 2]))
         remarks += _axes_remark(f"{name}: the covariances of robot {robot!r}", one, in_world.P, true, axes)
         one = in_world if axes == "body" else one

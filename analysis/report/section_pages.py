@@ -51,11 +51,10 @@ def inspection_page(found: Inspected) -> str:
     name = f"{found.format} ({found.why}), {count_of(robots, 'robot')}, {count_of(len(found.runs), 'run')}"
     sentence = f"{count_of(len(sections), 'thing')} to look at" if sections else "Nothing odd was found"
     sentence += f"; it does not run yet: {problem}." if problem else "; its log.toml runs."
-    caption = "Tracks: solid the truth, dotted odometry alone from the true start"
-    caption += (
-        ", findings corrected" * bool(sections)
-        + ". Who measured whom, how often. What was recorded when; gaps are white."
+    caption = (
+        f"Tracks: solid the truth, dotted odometry alone from the true start{', findings corrected' * bool(sections)}"
     )
+    caption += ". Who measured whom, how often. What was recorded when; gaps are white."
     sketch = "tracks, who measured whom, and what was recorded when", _png(recording(found.corrected, ""))
     sections.append(Section("The whole recording", pictures=[sketch], caption=caption))
     series = pd.DataFrame([row[:8] for row in found.rows], columns=list(HEADS))

@@ -193,7 +193,7 @@ def broken(honest, folder, **change):
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ({"x": "mirrored"}, r"the path of robot 'red' is mirrored: it fits the truth to [\d.]+ m with y turned"),
+        ({"x": "mirrored"}, r"robot 'red' has a mirrored path: it fits the truth to [\d.]+ m with y turned"),
         (
             {"t": "late"},
             r"no stamp of robot 'red' \(1000 to 1059.9 s\) is within 0.01 s of one of the truth",
