@@ -327,7 +327,7 @@ def judge_cost(case: Case, claim: Claim, table: TrialTable) -> CaseVerdict:
 def judge_traffic(case: Case, claim: Claim, table: TrialTable) -> CaseVerdict:
     """Judge by how much the bytes sent by `of` differ from those of `than`: supported up to 0; contradicted above."""
     (scenario,), (than,) = case.scenarios, case.than
-    sent, other = (table.values("bytes", (scenario, name))[:, 0] for name in (case.of, than))
+    sent, other = table.values("bytes", (scenario, case.of), (scenario, than)).T  # of the trials that both have
     values = other**2, sent**2  # `change` is of their roots
     zones: Zones = ("supported", -np.inf, 0.0), ("contradicted", 0.0, np.inf)
     return decide(table.stopping.change(*values), len(sent), zones, partial(table.stopping.p_of_change, *values))

@@ -140,6 +140,7 @@ TRAFFIC = {"kind": "traffic", "of": "a", "than": "b", "scenarios": "s"}
         (TRAFFIC, sending(24), "supported", -0.5),
         (TRAFFIC, sending(48), "supported", 0.0),
         (TRAFFIC, sending(96), "contradicted", 1.0),
+        (TRAFFIC, sending(96).query("estimator == 'a' or trial < 9"), "contradicted", 1.0),  # `b` was stopped earlier
     ],
 )
 def test_every_kind_reaches_its_verdicts(claim, table, expected, value):
