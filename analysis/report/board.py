@@ -22,7 +22,7 @@ from cooploc.analysis.metrics.errors import TRAINED
 from cooploc.analysis.metrics.ranking import board_letters
 from cooploc.analysis.report import html_page, page_texts
 from cooploc.analysis.report.result_tables import HASH, REMARK_FIELDS, remark
-from cooploc.analysis.report.run_numbers import Numbers, may_be_ranked, numbers_of
+from cooploc.analysis.report.run_numbers import Labels, Numbers, may_be_ranked, numbers_of
 from cooploc.analysis.report.tables import Row, Table, interval_column, number_column, text_column, words
 from cooploc.estimators import configure
 from cooploc.estimators.errors import BadInput
@@ -48,14 +48,16 @@ def write(runs: Sequence[StoredRun], out: Path) -> Path:
     studies = [_study(group) for group in _group(runs)]
     labels = sorted({row["estimator"] for one in studies for row in one.rows})
     pages, counter = {label: f"estimators/{html_page.safe_name(label)}.html" for label in labels}, itertools.count(1)
+    files = {label: configure(label).name for label in labels}  # are shown without their folders
+    names = Labels({label: label.replace(of, of.rpartition("/")[2], 1) for label, of in files.items() if "/" in of}, {})
     (out / "estimators").mkdir(parents=True, exist_ok=True)
     shown = [_shown(one, number, counter) for number, one in enumerate(studies, 1)]
-    _write_page(out / PAGE, "Board", {"studies": shown, "wording": html_page.Wording(pages)}, "board.html.j2")
+    _write_page(out / PAGE, "Board", {"studies": shown, "wording": html_page.Wording(pages, names)}, "board.html.j2")
     for label, place in pages.items():
         mine = [_shown_of(one, label, number) for number, one in enumerate(studies, 1)]
         about = next(_about(one, label) for one, rows in zip(studies, mine, strict=True) if rows["table"].rows)
         content = {"one": about, "studies": [rows for rows in mine if rows["table"].rows]}
-        _write_page(out / place, shorten_labels(label), content, "board_estimator.html.j2")
+        _write_page(out / place, names.shorten(label), content, "board_estimator.html.j2")
     return out / PAGE
 
 
@@ -100,10 +102,9 @@ def _study(group: list[StoredRun]) -> BoardStudy:
                 times[cell] += 1 + confirmed[cell]
             else:
                 differ[cell] += 1
-    first = group[0]
     cells = {s: cell for run in reversed(group) for s, cell in run.manifest["cells"].items()}
     rows = pd.concat(list(held.values()), ignore_index=True)
-    numbers = numbers_of(first._replace(manifest={**first.manifest, "cells": cells}, rows=rows))
+    numbers = numbers_of(group[0]._replace(manifest={**group[0].manifest, "cells": cells}, rows=rows))
     ranked = numbers.table[may_be_ranked(numbers.table)].groupby("scenario", sort=False)["estimator"]
     errors = {str(s): numbers.results.errors(str(s), list(names)) for s, names in ranked}
     letters = board_letters(errors, numbers.results.stopping)
@@ -134,8 +135,7 @@ def _origin(row: Row, run: StoredRun) -> dict[str, str]:
     """Return who made an estimator, and from what, in words; no code that is not built in runs."""
     label, manifest = row["estimator"], run.manifest
     asked, tuned_with = configure(label), manifest["study"].get("tuned_with")
-    is_tuned = tuned_with is not None and label != asked.name
-    out = {"tuned": f"on seed {tuned_with}" if is_tuned else "no"}
+    out = {"tuned": f"on seed {tuned_with}" if tuned_with is not None and label != asked.name else "no"}
     out["trained"] = row["certificate"].partition(TRAINED)[2] or "no"
     if asked.builtin:
         return {**out, "licence": str(metadata("cooploc")["License-Expression"]), "hash": manifest["source"][:HASH]}
