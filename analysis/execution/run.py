@@ -61,7 +61,7 @@ def prepare(
     strict: bool = False,
     say: Callable[[str], None] = lambda line: None,
 ) -> ResolvedStudy:
-    """Read every label of a study, and try the first tick of every scenario with every estimator.
+    """Read every label of a study, and start every estimator on the first tick of every scenario.
 
     Raises:
         BadInput: something cannot be run as it is; with `strict`, also a recording of which something was left out.

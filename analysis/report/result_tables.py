@@ -74,13 +74,13 @@ def _write_change_ends(estimator: str, baseline: str, low: float, high: float, t
     return interval(change)(low, high) if np.isnan(trial) else f"trial {trial:.0f} decides"
 
 
-def _ends(name: str, form: Callable[[float], str], **layout: Any) -> TableColumn:
+def ends_column(name: str, form: Callable[[float], str], **layout: Any) -> TableColumn:
     """Return the column of an interval, of the keys NAME_low and NAME_high."""
     return number_column("95 %", f"{name}_low", f"{name}_high", form=interval(form), **layout)
 
 
-RMSE = number_column("RMSE [m]", "rmse", form=metres), _ends("rmse", metres, second_line=True)
-ANEES = number_column("ANEES", "anees", form=ratio), _ends("anees", ratio)
+RMSE = number_column("RMSE [m]", "rmse", form=metres), ends_column("rmse", metres, second_line=True)
+ANEES = number_column("ANEES", "anees", form=ratio), ends_column("anees", ratio)
 VERSUS = ("estimator", "baseline")
 REMARK_FIELDS = ("estimator", "certificate", "consistency", "centralised", "bound", "offline", "failed", "rmse", "mark")
 REMARK_KEYS = ("consistency", "centralised", "bound", "offline", "failed", "baseline", "stream")  # a remark, in CSV
@@ -94,12 +94,12 @@ RESULTS = (
     *RMSE,
     number_column("median", "rmse_median", form=metres, collapsed=True, report_only=True),
     number_column("outlying", form=WHOLE_PERCENT, **RARE),
-    _ends("outlying", WHOLE_PERCENT, report_only=True),
+    ends_column("outlying", WHOLE_PERCENT, report_only=True),
     number_column("rank", form=partial(decimals, digits=1), report_only=True),
     text_column("group", report_only=True),
     number_column("vs baseline", "change", of=(*VERSUS, "change", "decisive_trial"), form=_write_change),
     replace(
-        _ends("change", change, second_line=True),
+        ends_column("change", change, second_line=True),
         of=(*VERSUS, "change_low", "change_high", "decisive_trial"),
         form=_write_change_ends,
     ),
@@ -108,7 +108,7 @@ RESULTS = (
     replace(ANEES[1], report_only=True),
     number_column("median", "anees_median", form=ratio, second_line=True, collapsed=True),
     number_column("collapsed", form=WHOLE_PERCENT, priority=7, **RARE),
-    _ends("collapsed", WHOLE_PERCENT, report_only=True),
+    ends_column("collapsed", WHOLE_PERCENT, report_only=True),
     number_column("in 95 %", "coverage95", form=WHOLE_PERCENT, priority=4),
     number_column("NLL", "nll", form=ratio, second_line=True, priority=5, collapsed=True),
     number_column("ellipse [m²]", "area95", form=ratio, collapsed=True, report_only=True),

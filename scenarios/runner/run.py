@@ -257,7 +257,7 @@ def _name_in_errors(one: PluginJob) -> Iterator[None]:
 def find_misfits(
     scenario: ResolvedScenario, estimators: Sequence[ConfiguredEstimator], seed: int, time_limit: float, isolate: bool
 ) -> dict[str, IncompatibleEstimator]:
-    """Try the first tick of a scenario with every estimator; return why some cannot run on it, by label.
+    """Start every estimator on the first tick of a scenario; return why some cannot run on it, by label.
 
     With `isolate`, what is not built in is tried in a process of its own: a crash there is a failure of its trials.
     """

@@ -114,7 +114,7 @@ def _thread_pools(modules: int) -> ThreadpoolController:
 
 
 def require_fit(name: str, estimator: Any, stream: Stream) -> None:
-    """Refuse an estimator that cannot run on such a stream at all."""
+    """Refuse an estimator that cannot be started on such a stream: nothing of it is run but the start."""
     seen = visible(name, estimator, stream)
     try:
         make_loop(name, estimator, seen).start()
