@@ -23,6 +23,7 @@ from cooploc.scenarios.recordings.fit import FitPart, residuals
 from cooploc.scenarios.recordings.sampling import Gaps, span
 from cooploc.scenarios.studies.study import load
 
+LABELS = ("log/all", "log/all[bias=none]", "log/all[position_sd=0.002,heading_sd=0.005]")
 BAGS = {"two-robots": "two turtlebots, one radio pair, 45 s", "four-robots": "four turtlebots, six radio pairs, 17 s"}
 SHOWN = ("dead-reckoning", "constant", "rssi-pf", "ekf-local", "ekf-ci", "ekf-split-ci", "ekf-luft", "ekf-joint")
 
@@ -44,12 +45,11 @@ def ranges(label: str, data: Path) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def errors_of(labels: list[str], data: Path) -> pd.DataFrame:
+def errors_of(labels: tuple[str, ...], data: Path) -> pd.DataFrame:
     """Return the summary of the study `log`'s estimators in each scenario."""
     found = []
     for label in labels:
-        truth, stream = cl.simulate(label, data=data)
-        names = []
+        (truth, stream), names = cl.simulate(label, data=data), list[str]()
         for name in (name for cell in load("log").cells() for name in cell.estimators):
             with suppress(cl.IncompatibleEstimator):  # the recording lacks a channel that it needs
                 cl.run([name], stream.first_ticks(1))
@@ -74,8 +74,7 @@ def values(runs: Path, out: Path, data: Path) -> dict[str, Any]:
 
 def bags(data: Path, out: Path) -> dict[str, Any]:
     """Return what every bag shows, and what their tables have in common."""
-    sections, pairs, less = [], [], []
-    dead: list[str] = []
+    sections, pairs, less, dead, joint = [], [], [], list[str](), list[str]()
     with tempfile.TemporaryDirectory() as place:
         for name, about in BAGS.items():
             copy = Path(place) / name
@@ -85,11 +84,12 @@ def bags(data: Path, out: Path) -> dict[str, Any]:
             shutil.copy(copy / "inspect.png", out / f"{name}.png")
             style.save(cl.plot.residuals("log/all", copy), out / f"{name}-residuals.png", dpi=130)
             pairs.append(ranges("log/all", copy))
-            table = errors_of(["log/all", "log/all[bias=none]"], copy)
+            table = errors_of(LABELS, copy)
             error = table["rmse"].round(3)  # to the millimetre
             known = error[table["estimator"] == "dead-reckoning"].set_axis(table["scenario"].unique())
             dead += list(known.map(metres))
-            less += list(table.loc[error < table["scenario"].map(known), "estimator"])
+            joint += list(error[table["estimator"].str.startswith("ekf-joint")].map(metres))  # in the order of LABELS
+            less += [*table["estimator"][(table["scenario"] != LABELS[2]) & (error < table["scenario"].map(known))]]
             texts = [f"{rmse:.3f} ({anees:.2g})" for rmse, anees in zip(table["rmse"], table["anees"], strict=True)]
             facts = [f"- {str(one.fact).replace(f'{place}/', '')} ({one.sure})" for one in found.findings.itertuples()]
             tables = {"ranges": pipe(pairs[-1]), "errors": pipe_by_scenario(table, texts), "findings": "\n".join(facts)}
@@ -97,7 +97,7 @@ def bags(data: Path, out: Path) -> dict[str, Any]:
     every = pd.concat(pairs)
     spread = {"bias": list(every["bias (median) [m]"]), "spread": list(every["spread [m]"]), "dead": dead}
     ends = {name: f"{min(written, key=float)} to {max(written, key=float)}" for name, written in spread.items()}
-    return {"bags": sections, **ends, "less": list(dict.fromkeys(less))}
+    return {"bags": sections, **ends, "less": list(dict.fromkeys(less)), "joint": joint}
 
 
 def recordings(runs: Path) -> str:
