@@ -53,6 +53,8 @@ class State(NamedTuple):
 class EkfJoint:
     """Centralised EKF over all robots. Plain mode: iterations=1, second_order=False, update="sequential".
 
+    The plain mode errs less on MRCLAM's set 6 where no robot sees a landmark (reports/real-robots.md).
+
     Parameters:
         iterations: how often a tick's relative readings are linearised; below 1 raises ValueError.
         second_order: whether the mean shift and the variance of a range's second-order term are taken into account.
