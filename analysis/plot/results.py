@@ -74,8 +74,8 @@ def rmse(errors: pd.DataFrame, ax: Axes | None = None, floors: Mapping[str, floa
 
 def _draw_in_rows(table: pd.DataFrame, pens: Pens, above: str) -> Axes:
     """Draw many estimators as rows with their names, best on top, a panel for each of a few scenarios."""
-    table, named = table[table["rmse"].notna()], {str(r["estimator"]): name_of(r) for r in table.to_dict("records")}
-    errors = np.log(table["rmse"]).groupby(table["estimator"]).mean().sort_values(ascending=False)
+    named = {str(row["estimator"]): name_of(row) for row in table.to_dict("records")}
+    errors = np.log(table["rmse"]).groupby(table["estimator"]).mean().sort_values(ascending=False, na_position="first")
     rows = [wrap_label(named[str(name)], 55) for name in errors.index]
     parts = [part for _, part in table.groupby("scenario", sort=False)]
     size = max(3.5, 9.0 / len(parts)), 1.1 + (0.26 if any("\n" in row for row in rows) else 0.22) * len(rows)

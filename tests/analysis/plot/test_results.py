@@ -63,6 +63,18 @@ def test_the_labels_of_many_scenarios_do_not_overlap():
     assert not any(a.overlaps(b) for a, b in pairwise(boxes))
 
 
+@pytest.mark.parametrize("lost", [(), ("e3",), tuple(f"e{i}" for i in range(9))])
+def test_many_estimators_are_rows_in_order_of_error_and_those_without_one_stand_below(lost):
+    rows = rows_of("nlos", {f"e{i}": (0.1 * (9 - i), 1.0) for i in range(9)})
+    rows.loc[rows["estimator"].isin(lost), "mse"] = float("nan")
+    ax = cl.plot.rmse(rows)
+    names = [text.get_text() for text in ax.get_yticklabels()]
+    assert names == [f"e{i}" for i in range(9) if f"e{i}" in lost] + [f"e{i}" for i in range(9) if f"e{i}" not in lost]
+    drawn = [line for line in ax.lines if line.get_marker() not in ("None", "", None) and len(line.get_xdata()) == 1]
+    assert sum(bool(line.get_xdata()[0] > 0) for line in drawn) == 9 - len(lost)
+    assert ax.get_legend() is None
+
+
 def test_the_frontier_holds_what_no_honest_rule_beats_in_bytes_and_error():
     rows = [
         ("silent", 0.0, 0.5, "consistent", False),
