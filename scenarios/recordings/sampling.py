@@ -81,6 +81,8 @@ def grid_of_lines(log: TeamLog, begin: float, end: float) -> Grid:
 def span(log: TeamLog) -> tuple[float, float]:
     """Return when every robot has odometry, from each one's first truth (if it has any) to the last truth [s]."""
     truths = [series for series in log.truth if series is not None and len(series.time)]
+    if empty := next((series.source for series in log.odometry if not len(series.time)), ""):
+        raise BadInput(f"run {log.name!r}: {empty} has no odometry: leave that robot out of robots in log.toml")
     begin = max(series.time[0] for series in (*log.odometry, *truths))
     end = min(min(s.time[-1] for s in log.odometry), max((s.time[-1] for s in truths), default=-np.inf))
     if not end > begin:

@@ -14,6 +14,8 @@ from cooploc.analysis.execution.run import prepare
 from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.recordings import scenario
 from cooploc.scenarios.recordings.inspect import inspection
+from cooploc.scenarios.recordings.inspect.draft_toml import common_span
+from cooploc.scenarios.recordings.sampling import span
 from cooploc.scenarios.studies.study import load, resolve_study
 
 DATA = Path(os.environ.get("COOPLOC_DATA", "../shared/data"))
@@ -159,6 +161,14 @@ def test_a_draft_leaves_out_a_robot_that_lacks_a_series(tmp_path, change):
     truth, stream = cl.simulate("log/all", data=tmp_path / "team")
     assert stream.robots == 1
     assert truth.valid.mean() > 0.9
+
+
+def test_a_robot_whose_odometry_is_empty_is_named_and_the_draft_leaves_no_traceback(tmp_path):
+    log = inspection.inspect_recording(write(tmp_path / "team", two_robots(seconds=60))).log
+    cut_out = log._replace(odometry=(cut(log.odometry[0], log.odometry[0].time < 0), log.odometry[1]))
+    with pytest.raises(BadInput, match=r"has no odometry: leave that robot out of robots in log\.toml"):
+        span(cut_out)
+    assert common_span(cut_out) == 0.0
 
 
 def test_a_draft_that_does_not_run_says_what_to_state(tmp_path):
