@@ -83,16 +83,22 @@ class TeamFolder:
         return self._logs[name]
 
     @cached_property
-    def different(self) -> list[str]:
-        """Names of the runs, without those that are part of a longer one; of two equal runs the first stays."""
+    def copies(self) -> dict[str, str]:
+        """Runs that are part of a longer one, or give filters the same; of two equal runs the first is none."""
 
         def is_part(name: str, other: str) -> bool:
             logs = a, b = self.log(name), self.log(other)
             short, long = (sum(len(series.time) for series in log.truth if series is not None) for log in logs)
-            return _same(a, b) and (long, name) > (short, other)
+            return (_same(a, b) or _sense_the_same(a, b)) and (long, name) > (short, other)
 
         names = list(self.places)
-        return [name for name in names if not any(is_part(name, other) for other in names if other != name)]
+        whole = {name: next((other for other in names if other != name and is_part(name, other)), "") for name in names}
+        return {name: other for name, other in whole.items() if other}
+
+    @cached_property
+    def different(self) -> list[str]:
+        """Names of the runs that are no copy of another."""
+        return [name for name in self.places if name not in self.copies]
 
     def others(self, name: str) -> list[TeamLog]:
         """Return the runs on which this one's models may be fitted: none is the same recording or is there twice."""
@@ -117,6 +123,14 @@ def _same(a: TeamLog, b: TeamLog) -> bool:
         if shared >= SAME * min(len(i.time), len(j.time)):
             return True
     return False
+
+
+def _sense_the_same(a: TeamLog, b: TeamLog) -> bool:
+    """Return whether two runs have the same odometry and readings, digit by digit, whatever the true positions."""
+    values = [[*(s.values for s in log.odometry), *(r.values for r in log.readings.values())] for log in (a, b)]
+    return (a.robots, [*a.readings]) == (b.robots, [*b.readings]) and all(
+        np.array_equal(one, other, equal_nan=True) for one, other in zip(*values, strict=True)
+    )
 
 
 def set_up(name: str, patterns: Sequence[str]) -> str:
@@ -291,14 +305,14 @@ class TeamScenario(schema.Model):
     def faults(self) -> list[str]:
         """Return sentences, run by run, on what was left out, sorted or repaired while reading."""
         if self.run == ALL:
-            return [*self.too_short.values(), *(line for k in range(self.count()) for line in self.at([k]).faults())]
+            return [*self.left_out.values(), *(line for k in range(self.count()) for line in self.at([k]).faults())]
         return list(self.judged_run.log.warnings)
 
     def explanations(self) -> list[str]:
         """Return sentences, run by run: what was left out while reading, and the models with where they were fitted."""
         if self.run == ALL:
             each = (line for k in range(self.count()) for line in self.at([k]).explanations())
-            return [*self.too_short.values(), *each]
+            return [*self.left_out.values(), *each]
         try:
             log, models = self.judged_run.log, self.judged_run.models
             reasons = self.weaknesses(*self.simulate("log", [0], 0, self.world()))
@@ -323,12 +337,14 @@ class TeamScenario(schema.Model):
     def _names(self) -> list[str]:
         if self.run != ALL:
             return [self.folder.log(self.run).name]
-        return [name for name in self.folder.different if name not in self.too_short] or self.folder.different
+        return [name for name in self.folder.different if name not in self.left_out] or self.folder.different
 
     @cached_property
-    def too_short(self) -> dict[str, str]:
-        """Sentences on the runs that `all` leaves out, as they have no tick to be judged, by name."""
+    def left_out(self) -> dict[str, str]:
+        """Sentences on the runs that `all` leaves out, by name: copies, and those that have no tick to be judged."""
         sample, fit, found = self._sample, self.folder.description.fit, dict[str, str]()
+        for name, other in self.folder.copies.items() if self.run == ALL else ():
+            found[name] = f"{self.data}: run {name!r} was left out: it repeats run {other!r}"
         least = sample.start + (fit.seconds or 0.0) + (0.0 if sample.tick == "lines" else sample.tick)
         for name in self.folder.different if self.run == ALL else ():
             try:

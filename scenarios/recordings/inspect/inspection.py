@@ -103,7 +103,7 @@ def inspect_recording(path: Path, run: str = "", again: bool = False) -> Inspect
         draft = draft._replace(tables=tuple(t for t in draft.tables if t.name != "rssi"), unused=unused)
         text = draft.text(draft_toml.head_lines(path, why, draft))
         trial = try_draft(directory, schema.parse(home, text))
-    if not stated and len(places) < 2 and TOO_LITTLE in trial.problem:
+    if not stated and TOO_LITTLE in trial.problem:
         draft = draft_toml.assume_models(draft)
         assumed = draft.text(draft_toml.head_lines(path, why, draft))
         if not (found_trial := try_draft(directory, schema.parse(home, assumed))).problem:
@@ -182,7 +182,7 @@ def try_draft(data: Path, description: schema.TeamDescription) -> Trial:
             weak = f"; it {NO_ORDER}: " + "; ".join(reasons) if (reasons := run.weaknesses(truth, stream)) else ""
             lines.append(f"run {run.run!r}: {robots}, {float(f'{seconds:.3g}'):g} s are judged{weak}")
             lines.append(f"run {run.run!r}: {run.judged_run.choice}")
-        lines += scenario.too_short.values()
+        lines += scenario.left_out.values()
     except BadInput as e:
         return Trial(str(e))
     return Trial("", tuple(lines), tuple(scenario.faults()))

@@ -30,8 +30,8 @@ def test_eight_deliberate_glitches_are_each_named_and_stand_in_log_toml(tmp_path
 
 
 def test_directories_of_a_team_are_runs_and_share_the_places_above(tmp_path, clean):
-    for run in ("monday", "tuesday"):
-        write(tmp_path / "team" / run, clean)
+    write(tmp_path / "team" / "monday", clean)
+    write(tmp_path / "team" / "tuesday", two_robots(seed=2, seconds=60))
     (tmp_path / "team" / "anchors.csv").write_text("name,x,y\nnorth,0,5\neast,6,0\n")
     inspection = cl.inspect(tmp_path / "team")
     assert inspection.inspected.runs == ("monday", "tuesday")

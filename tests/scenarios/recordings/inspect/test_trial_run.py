@@ -5,12 +5,14 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
+import pandas as pd
 import pytest
 from made_bags import KINDS, made_bag
 from made_csv_teams import eight_glitches, two_robots, write
 
 import cooploc as cl
 from cooploc.analysis.execution.run import prepare
+from cooploc.analysis.metrics.errors import demand_same_streams
 from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.recordings import scenario
 from cooploc.scenarios.recordings.inspect import inspection
@@ -28,7 +30,16 @@ def made_graph(folder):
     (folder / "graph.pyfg").write_text("".join(POSES + STEPS))
 
 
+def still_runs(folder):
+    """Two runs whose odometry says nothing: filters are given the same, and the truth is another."""
+    for run, speed in enumerate((0.02, 0.04)):
+        k = np.arange(40.0)
+        columns = {"x": 3 + speed * k, "y": 3.0 + 0 * k, "time": k + 1000 * run, "dx": 0 * k, "dy": 0 * k}
+        pd.DataFrame(columns).to_csv(folder / f"run{run}.csv", index=False)
+
+
 MADE = {
+    "still": still_runs,
     "glitches": lambda folder: eight_glitches(folder),
     "graph": made_graph,
     **{f"bag {kind}": lambda folder, kind=kind: made_bag(folder, kind, seconds=20.0) for kind in KINDS},
@@ -77,10 +88,13 @@ def require_run_of_draft(folder, out, change, monkeypatch):
     assert found.inspected.trial.problem == ""
     assert found.inspected.trial.lines
     found.write(out)
-    truth, stream = cl.simulate("log/all", trials=[0], data=out)
-    assert truth.valid.any()
-    errors = cl.errors(truth, cl.run(["dead-reckoning"], stream))
-    assert np.isfinite(errors["rmse"]).all()
+    errors = []
+    for trial in range(sum(": 1 robot" in line or " robots, " in line for line in found.inspected.trial.lines)):
+        truth, stream = cl.simulate("log/all", trials=[trial], data=out)
+        assert truth.valid.any()
+        errors.append(cl.errors(truth, cl.run(["dead-reckoning"], stream)))
+        assert np.isfinite(errors[-1]["rmse"]).all()
+    demand_same_streams(pd.concat(errors, ignore_index=True))
 
 
 @pytest.mark.parametrize("change", CHANGES)
@@ -169,6 +183,12 @@ def test_a_robot_whose_odometry_is_empty_is_named_and_the_draft_leaves_no_traceb
     with pytest.raises(BadInput, match=r"has no odometry: leave that robot out of robots in log\.toml"):
         span(cut_out)
     assert common_span(cut_out) == 0.0
+
+
+def test_a_run_that_repeats_another_is_left_out_and_named(tmp_path):
+    still_runs(tmp_path)
+    lines = cl.inspect(tmp_path).inspected.trial.lines
+    assert lines[-1] == f"{tmp_path}: run 'run1' was left out: it repeats run 'run0'"
 
 
 def test_a_draft_that_does_not_run_says_what_to_state(tmp_path):
