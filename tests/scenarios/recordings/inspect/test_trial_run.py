@@ -210,6 +210,4 @@ def test_models_of_a_recording_that_is_too_short_to_be_fitted_are_assumed(tmp_pa
 @pytest.mark.skipif(not DATA.exists(), reason="needs ../shared/data")
 @pytest.mark.parametrize(("place", "change"), REAL)
 def test_the_draft_of_a_real_recording_runs(tmp_path, place, change, monkeypatch):
-    if place == "mrclam6" and not (DATA / place / "Landmark_Groundtruth.dat").exists():
-        pytest.skip("mrclam6 is not whole: it has no ground truth")
     require_run_of_draft(DATA / place, tmp_path / "out", change, monkeypatch)
