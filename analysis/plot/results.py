@@ -30,6 +30,7 @@ from cooploc.estimators.errors import BadInput
 Pens = Mapping[str, Pen]
 Short = Callable[[str], str]  # from an estimator's label to its name in a figure
 RMSE = "position RMSE [m]"
+SWEPT = {"n": "robots", "drop": "share of packets that are lost", "r": "radio range [m]", "a": "anchors"}  # if plainer
 NAMES = {"anees": "ANEES (1 is consistent)", "bytes": "bytes per robot and tick", "seconds": "µs per robot and tick"}
 LEAST = 3  # values from which a sweep is drawn as lines without being asked for
 TOGETHER = 6  # estimators that can still be distinguished in one panel
@@ -62,7 +63,8 @@ def rmse(errors: pd.DataFrame, ax: Axes | None = None, floors: Mapping[str, floa
         ax = ax or style.new_axes(6.5, height)
         draw_curves(ax, along[along["rmse"].notna()], pens)
         above = f"{along['family'].iloc[0]}, {_about_trials(table)}{'; broken: over-confident' * over_confident}"
-        style.finish(ax, along["parameter"].iloc[0], RMSE, above)
+        swept_name = along["parameter"].iloc[0]
+        style.finish(ax, SWEPT.get(swept_name, swept_name), RMSE, above)
     else:
         above = _about_trials(table) + "; hollow: over-confident" * over_confident
         if ax is None and len(names) > TOGETHER and table["scenario"].nunique() <= LEAST:
@@ -151,16 +153,16 @@ def pareto(errors: pd.DataFrame) -> Axes:
     table = style.summarize_for_figures(errors)
     table = table[table["rmse"].notna()].assign(floor=np.nan)
     parts = [part for _, part in table.groupby("scenario", sort=False)]
-    pens = style.session_pens(table["estimator"])
-    axes = style.new_panels(len(parts), 2, (3.6, 2.5), 0.2 * (ceil(len(pens) / 3) + 2), sharex=True)
+    pens, columns = style.session_pens(table["estimator"]), 2 if len(parts) == 1 else 3
+    axes = style.new_panels(len(parts), 2, (3.6, 2.5), 0.2 * (ceil(len(pens) / columns) + 2), sharex=True)
     for ax, part in zip(axes, parts, strict=True):
         draw_against(ax, part, "bytes", pens)
         trials = count_of(int(part["trials"].min()), "trial")
         style.finish(ax, NAMES["bytes"], "RMSE [m]", f"{part['scenario'].iloc[0]}, {trials}", grid="both")
     _add_keys(axes[0], table, pens, name_of)
-    axes[0].plot([], [], color=style.DARK, lw=1, label="frontier")
+    axes[0].plot([], [], color="0.3", lw=1, ls=style.BROKEN, label="frontier")
     axes[0].plot([], [], "o", mfc="white", mec=style.DARK, label="hollow: over-confident")
-    style.add_legend_below(axes)
+    style.add_legend_below(axes, columns)
     return axes[0]
 
 
@@ -200,7 +202,8 @@ def sweep_panels(part: pd.DataFrame, pens: Pens, short: Short, medium: Style = P
 
     height = _height(medium) if len(shown) == 1 else max(1.15, 0.7 * medium.width / medium.across)
     entries = sum(len(mine) for mine in shown if len(shown) == 1 or len(mine) > 1)
-    labels = part["parameter"].iloc[0], RMSE
+    parameter = part["parameter"].iloc[0]
+    labels = SWEPT.get(parameter, parameter), RMSE
     draws = [partial(draw, mine=mine) for mine in shown]
     return compose(draws, medium, (medium.width, height), labels, shared=True, entries=entries)
 

@@ -31,7 +31,9 @@ def links(page: Path) -> Iterator[str]:
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
 def test_every_link_leads_to_a_file(page):
-    missing = [target for target in links(page) if "generated/" not in target and not (page.parent / target).exists()]
+    elsewhere = ("generated/", "/actions/")  # made by sphinx, or by the host of the repository
+    inside = [target for target in links(page) if not any(part in target for part in elsewhere)]
+    missing = [target for target in inside if not (page.parent / target).exists()]
     assert missing == []
 
 

@@ -48,7 +48,7 @@ def test_a_sweep_is_drawn_as_lines_and_other_scenarios_side_by_side():
     swept = pd.concat([rows_of(f"packet-drop/drop={d}", TEAM) for d in (0.9, 0, 0.5)], ignore_index=True)
     ax = cl.plot.rmse(swept)
     assert [0, 0.5, 0.9] in [list(line.get_xdata()) for line in ax.lines]
-    assert ax.get_xlabel() == "drop"
+    assert ax.get_xlabel() == "share of packets that are lost"
     assert [text.get_text() for text in ax.get_xticklabels()] == ["0", "0.5", "0.9"]
     beside = cl.plot.rmse(pd.concat([swept, rows_of("nlos", TEAM)]))
     assert (beside.get_xlabel(), len(beside.get_xticklabels())) == ("", 4)
