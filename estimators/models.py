@@ -184,7 +184,7 @@ class Orientation:
 
 def _offset(x: Array, q: Array) -> tuple[Array, Array]:
     delta = x[..., :2] - q
-    return delta, np.sqrt((delta**2).sum(-1, keepdims=True))
+    return delta, np.sqrt(delta[..., :1] ** 2 + delta[..., 1:] ** 2)
 
 
 def _widen(H: Array, x: Array) -> Array:

@@ -12,7 +12,7 @@ import pandas as pd
 from page import pipe_by_scenario
 
 import cooploc as cl
-from cooploc.analysis.execution.run_directory import read_run
+from cooploc.analysis.execution.run_directory import RunDir
 from cooploc.analysis.formats import change, count, metres, percent, ratio
 from cooploc.analysis.metrics.consistency import OVER_CONFIDENT
 from cooploc.analysis.metrics.statistics import FIXED
@@ -48,7 +48,7 @@ def values(runs: Path, out: Path, data: Path) -> dict[str, Any]:
     flags = [f"{flag}, {ratio(anees)}" for flag, anees in zip(table["consistency"], table["anees"], strict=True)]
     return {
         "trials": table["trials"].max(),
-        "seed": read_run(Path(stored)).manifest["seed"],
+        "seed": RunDir(Path(stored)).manifest["seed"],
         "flags": decentral.groupby("estimator", sort=False)["consistency"].agg(list).to_dict(),
         "frontiers": {name: frontier(rows).to_dict("records") for name, rows in table.groupby("scenario", sort=False)},
         "gone": sorted((before - after) & known),

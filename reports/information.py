@@ -9,7 +9,7 @@ from typing import Any
 import pandas as pd
 
 import cooploc as cl
-from cooploc.analysis.execution.run_directory import read_run
+from cooploc.analysis.execution.run_directory import RunDir
 from cooploc.analysis.formats import change, metres, ratio
 from cooploc.analysis.plot import style
 from cooploc.analysis.plot.studies import BETWEEN, OWN, PARAMETERS, RULES
@@ -23,7 +23,7 @@ def values(runs: Path, out: Path, data: Path) -> dict[str, Any]:
         name, stored = run.name, cl.load_run(run)
         table = getattr(cl, name)(stored)
         style.save(getattr(cl.plot, name)(table), out / f"{name}.svg")
-        found[name] = {"trials": table["trials"].max(), "seed": read_run(Path(stored)).manifest["seed"], "cells": table}
+        found[name] = {"trials": table["trials"].max(), "seed": RunDir(Path(stored)).manifest["seed"], "cells": table}
     return {**found, "table": _table(found["information"]["cells"]).markdown(), "parameters": PARAMETERS}
 
 

@@ -103,8 +103,7 @@ def run_step(step: Step, asked: Namespace) -> tuple[str, str, str]:
     log = asked.runs / "logs" / f"{step.name.replace('/', '-')}.txt"
     log.parent.mkdir(parents=True, exist_ok=True)
     print(f"{time.strftime('%H:%M')} {step.name} begins; what it prints is in {log}", file=sys.stderr, flush=True)
-    places = {"runs": asked.runs, "data": asked.data, "jobs": asked.jobs}
-    command = [part.format(**places) for part in step.command]
+    command = [part.format(runs=asked.runs, data=asked.data, jobs=asked.jobs) for part in step.command]
     began, at = time.monotonic(), time.time()
     with log.open("w", encoding="utf-8") as out:
         quiet = {**os.environ, "PYTHONWARNINGS": "ignore"}

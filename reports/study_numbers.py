@@ -1,6 +1,7 @@
 """Numbers of a run as words of a text, each with its 95 % interval, by the functions that make the tables."""
 
 from collections.abc import Iterable
+from functools import cache
 from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -12,7 +13,7 @@ import cooploc as cl
 from cooploc.analysis.claims import verdicts
 from cooploc.analysis.claims.ledger import BASE, load
 from cooploc.analysis.claims.verdicts import DECIDED, judge
-from cooploc.analysis.execution.run_directory import read_run
+from cooploc.analysis.execution import run_directory
 from cooploc.analysis.formats import Format, count, interval, metres, percent, ratio
 from cooploc.analysis.formats import change as signed
 from cooploc.analysis.metrics import statistics
@@ -24,6 +25,7 @@ from cooploc.estimators.errors import BadInput
 
 REPORTS = Path(__file__).resolve().parent
 USUAL = 100  # trials of a study as shipped
+read_run = cache(run_directory.read_run)  # a page asks for a run of nine thousand files three times
 
 
 class Number(NamedTuple):
@@ -37,9 +39,7 @@ class Number(NamedTuple):
     instead: str = ""  # what is written in place of a change that one trial decides
 
     def __str__(self) -> str:
-        if self.instead:
-            return self.instead
-        return f"{self.alone} ({self.ends})" if self.ends else self.alone
+        return self.instead or (f"{self.alone} ({self.ends})" if self.ends else self.alone)
 
     @property
     def inside(self) -> str:

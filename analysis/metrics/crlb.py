@@ -211,37 +211,35 @@ def _information(x: Array, stream: Stream, channels: Collection[str], ticks: sli
     heard = air.link[:, None, ticks]
     nothing = np.full(heard.shape, np.nan)
     rssi, ranged = (np.where(heard, a[:, None, ticks], np.nan) if a.shape[-1] else nothing for a in air[1:])
-    J = np.zeros((t, k, n, n, 2, 2))
-    own = np.arange(n)
+    own, between, each = np.zeros((t, k, n, 2, 2)), np.zeros((t, k, n, n, 2, 2)), np.arange(n)
     fixed = list(world.fixed(now))
     for channel in [name for name in DERIVED if name in channels]:
         doa = gradient_doa(stream.world)
         fixed.append((DERIVED[channel](doa), NOWHERE, doa.gradient(now.anchor_rssi)))
     for sensor, place, reading in fixed:
         y, H, _ = sensor.innovation(x, place, reading)
-        J[:, :, own, own] += _mean_product(H, H, sensor.R, y)
+        own += _mean_information(H, sensor.R, y)
     for sensor, j, reading in world.relative(now, Mail(heard, nothing[..., :0, None], rssi, ranged)):
-        y, H, Hq = sensor.innovation(x, x[:, :, :, j, None], reading)
-        between = _mean_product(H, Hq, sensor.R, y)
-        J[:, :, own, own] += _mean_product(H, H, sensor.R, y)
-        J[:, :, j, j] += _mean_product(Hq, Hq, sensor.R, y).sum(2)
-        J[:, :, :, j] += between
-        J[:, :, j] += between.mT
+        y, H, _ = sensor.innovation(x, x[:, :, :, j, None], reading)  # of the difference of two places: H_j = -H
+        between[:, :, :, j] += _mean_information(H, sensor.R, y)
+    between += between.swapaxes(2, 3)
+    J = -between
+    J[:, :, each, each] += own + between.sum(3)
     return _flat(J)
 
 
-def _mean_product(A: Array, B: Array, R: Array, y: Array) -> Array:
-    """Return the mean over paths of A' R^-1 B (t, k, n, 2, 2) where the reading is there."""
-    there, weight = np.isfinite(y.sum(-1)), np.linalg.inv(R) if len(R) > 1 else 1 / R
-    # Entry by entry: numpy's products of stacks of matrices this small are several times slower.
-    B = weight @ B if weight.shape[-1] > 1 else weight * B
+def _mean_information(H: Array, R: Array, y: Array) -> Array:
+    """Return the mean over paths of H' R^-1 H (t, k, n, 2, 2) where the reading is there.
 
-    def entry(i: int, j: int) -> Array:
-        product = sum(A[..., r, i] * B[..., r, j] for r in range(A.shape[-2]))
-        mean: Array = np.where(there, product, 0.0).mean(1)
-        return mean
-
-    return np.stack([np.stack([entry(i, j) for j in (0, 1)], -1) for i in (0, 1)], -2)
+    Number by number: numpy's products of stacks of matrices this small are several times slower.
+    """
+    there, weight = np.isfinite(sum(np.moveaxis(y, -1, 0))), np.linalg.inv(R)
+    rows = [[np.where(there, h, 0.0) for h in np.moveaxis(row, -1, 0)] for row in np.moveaxis(H, -2, 0)]
+    out = np.empty((len(H), *H.shape[2:-2], 2, 2))
+    for i, j in ((0, 0), (0, 1), (1, 1)):
+        products = (w * (rows[a][i] * rows[b][j]).mean(1) for (a, b), w in np.ndenumerate(weight) if w)
+        out[..., i, j] = out[..., j, i] = sum(products)
+    return out
 
 
 def _diagonal(P: Array) -> Array:

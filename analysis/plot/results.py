@@ -320,8 +320,8 @@ def draw_curves(
         rows = part[part["estimator"] == one]
         if len(rows):
             style.draw_curve(ax, rows, "value", pens[one], alpha, name(rows.iloc[0]))
-    floor = part.groupby("value")["floor"].first()
-    if floor.notna().any():
+    floor = part.groupby("value")["floor"].first().dropna()
+    if len(floor):
         ax.plot(floor.index, floor, color="black", lw=1.1, ls=DOTTED, label="floor")
     low, high = span(part, "rmse", "floor")
     set_log_scale(ax.yaxis, low, high)
