@@ -4,7 +4,6 @@ Run: python benchmarks/speed.py [REPORT [ROUNDS]]. Processor time; what is compa
 process, so that others on the machine slow both. The references are in reference_loops.py.
 """
 
-import json
 import os
 import resource
 import subprocess
@@ -17,13 +16,14 @@ from pathlib import Path
 from time import process_time
 from typing import Any, NamedTuple
 
-import matplotlib as mpl
 import numpy as np
 from reference_loops import Filterpy, ask_cvxpy, lean_loop
 from scipy.stats import linregress, t
 
 import cooploc as cl
 from cooploc.analysis.execution.provenance import provenance
+from cooploc.analysis.plot import style
+from cooploc.estimators.compiled import kernel, wide
 from cooploc.estimators.covariance_intersection import solve_relative
 from cooploc.scenarios.runner.trace import trace, warm_up
 
@@ -116,6 +116,69 @@ def rounding() -> Iterator[Line]:
         label = name.replace(",{}", "").replace("[{}]", "")
         values = (apart.mean() + half * np.array([-1, 0, 1])) / scale
         yield Line(f"RMSE of {label}, single less double [%], 95 % interval", values, SAME, True)
+
+
+# ---------------------------------------------------------------------------------------------- what bounds them
+
+# Counted in `particle_kernels` and `random_numbers`, of one particle of one tick in double precision; a product and a
+# sum that are fused are two. Normals 70, motion 8, the moments twice 90, 38 where all links of teammates meet.
+FLOPS, A_LINK, AN_ANCHOR = 206, 58, 36
+WORDS = 14  # numbers that go through memory: x, y, log w in and out of both passes, once more where a line is written
+AT_ONCE = 64  # independent sums, which keep the arithmetic busy
+
+
+@kernel
+def stream_through(a, b, c):  # three numbers through memory for each two operations
+    wide()
+    for i in range(len(a)):
+        a[i] = b[i] + c[i]
+
+
+@kernel
+def calculate(x, times):  # nothing through memory
+    wide()
+    scale, one = x[0], x[1]
+    for _ in range(times):
+        for i in range(AT_ONCE):
+            x[i] = x[i] * scale + one
+
+
+def roofline(rounds: int) -> Iterator[Line]:
+    """Measure which share of what the processor can calculate the particle filters use, and draw it beside memory."""
+    points, roofs = [], {}
+    for kind, name in ((np.float64, "double"), (np.float32, "single")):
+        a, b, c = (np.ones(8_000_000, kind) for _ in range(3))
+        x, times = np.full(AT_ONCE, 0.5, kind), 4_000_000
+        stream_through(a, b, c), calculate(x, 1)
+        bandwidth = 4 * a.nbytes / min(seconds(partial(stream_through, a, b, c)) for _ in range(rounds))
+        roofs[name] = bandwidth, 2 * AT_ONCE * times / min(seconds(partial(calculate, x, times)) for _ in range(rounds))
+        for robots, trials, ticks, *_ in TEAMS:
+            _, stream = cl.simulate(f"scalability/n={robots}", trials=trials, seed=1, ticks=ticks)
+            mine = cl.make(OURS.format(name))
+            cl.run(mine, stream)
+            spent = min(seconds(partial(cl.run, mine, stream, jobs=1)) for _ in range(rounds))
+            each = spent / (stream.senses.dt.size * 500)
+            work, moved = FLOPS + 4 * AN_ANCHOR + (robots - 1) * A_LINK, WORDS * a.itemsize
+            points.append((name, robots, work / moved, work / each))
+            share = work / each / roofs[name][1]
+            yield Line(f"share of the processor's arithmetic, {name} precision, {robots} robots", share, 0.5, False)
+    draw_roofline(points, roofs, REPORTS / "speed-roofline.png")
+
+
+def draw_roofline(points: list[Any], roofs: dict[str, Any], path: Path) -> None:
+    """Draw operations a second over operations a byte, below what memory and arithmetic allow."""
+    ax, reach = style.new_axes(6.5, 3.8), np.geomspace(0.5, 200, 200)
+    for name, colour, line, mark in (("double", "#0072b2", "-", "o"), ("single", "#d55e00", "--", "s")):
+        bandwidth, peak = roofs[name]
+        ax.plot(reach, np.minimum(reach * bandwidth, peak) / 1e9, line, color=colour, label=f"processor, {name}")
+        for _, robots, x, y in (point for point in points if point[0] == name):
+            ax.plot(x, y / 1e9, mark, color=colour, label=f"mrsl-rssi, {name}")
+            ax.annotate(f"{robots} robots", (x, y / 1e9), (-8, -12), textcoords="offset points", fontsize=8)
+    style.finish(ax, "operations per byte", "billion operations a second", grid="both")
+    style.set_log_scale(ax.xaxis, 0.5, 200)
+    style.set_log_scale(ax.yaxis, 10, 200)
+    style.add_legend_below([ax], 2)
+    style.save(ax, path)
 
 
 # ---------------------------------------------------------------------------------------------- weights by cvxpy
@@ -241,7 +304,6 @@ def growing(rounds: int) -> Iterator[Line]:
     _, stream = cl.simulate("trajectory", trials=1, seed=1, ticks=2)
     warm_up("growth", cl.make(GROWING.format(particles=200)), stream)
     found = {what: grown(what, rounds) for what in SIZES}
-    draw(found, REPORTS / "speed-growth.png")
     for what, costs in found.items():
         for counted, values in costs.items():
             yield Line(f"slope of {counted} against {what}", slopes(what, values), STRAIGHT, True)
@@ -277,27 +339,6 @@ def slopes(what: str, values: Any) -> Any:
     return np.array([linregress(np.log(SIZES[what][half:]), np.log(one[half:])).slope for one in values.T])
 
 
-def draw(found: dict[str, Costs], path: Path) -> None:
-    """Draw one column for each thing that grows: seconds above, memory below."""
-    mpl.use("agg")
-    import matplotlib.pyplot as plt
-
-    figure, axes = plt.subplots(2, len(found), figsize=(12, 6), sharex="col", sharey="row", layout="constrained")
-    for (what, costs), (above, below) in zip(found.items(), axes.T, strict=True):
-        for name, values in costs.items():
-            label = f"{name}, slope {np.median(slopes(what, values)):.2f}"
-            ax = below if name == "memory" else above
-            ax.loglog(SIZES[what], np.median(values, 1), "o-", label=label)
-        for ax in (above, below):
-            ax.legend(frameon=False)
-        below.set_xlabel(what)
-    axes[0, 0].set_ylabel("processor seconds")
-    axes[1, 0].set_ylabel("memory [MB]")
-    others = ", ".join(f"{value} {name}" for name, value in BASE.items())
-    figure.suptitle(f"mrsl-distance, eight neighbours; where not on the axis: {others} (one trial on the first)")
-    figure.savefig(path, dpi=110)
-
-
 NEIGHBOURS = (19, 39, 69, 99)
 HEARING = ("arl", "mrsl-rssi", "mrsl-distance", "ctrn[weights=exact]")
 ROWS, SHORT = 400, 5  # robots times trials, about; ticks
@@ -328,12 +369,6 @@ def per_robot(name: str, neighbours: int, rounds: int) -> tuple[float, float]:
 
 # ---------------------------------------------------------------------------------------------- commands
 
-FIRST_AND_SECOND = """
-import json, cooploc as cl
-_, stream = cl.simulate("trajectory", trials=5, seed=1, ticks=50)
-print(json.dumps([cl.run("ekf-local", stream).traces["ekf-local"].seconds for _ in range(2)]))
-"""
-
 
 def waiting(rounds: int) -> Iterator[Line]:
     """Measure what a user waits for before anything is computed, and what is compiled once."""
@@ -343,11 +378,6 @@ def waiting(rounds: int) -> Iterator[Line]:
     with tempfile.TemporaryDirectory() as empty:
         cold, warm = (command_seconds("run", "quick", "--jobs", "2", cache=empty) for _ in range(2))
     yield Line("compiling what `quick` needs [s on two processors]", [(cold - warm) / 2], 8, True)
-    with tempfile.TemporaryDirectory() as empty:
-        command, environment = [sys.executable, "-c", FIRST_AND_SECOND], {**os.environ, "NUMBA_CACHE_DIR": empty}
-        done = subprocess.run(command, env=environment, stdout=subprocess.PIPE, check=True)
-    one, two = json.loads(done.stdout)
-    yield Line("time of a first `cl.run` of ekf-local, nothing compiled / a second", [one / two], 2, True)
 
 
 def command_seconds(*arguments: str, cache: str = "") -> float:
@@ -373,7 +403,7 @@ def main(report: str = "", rounds: int = 3) -> None:
     busy = f"{os.getloadavg()[0]:.0f} processes wanted its {os.cpu_count()} processors when this began"
     text = HEAD.format(machine=f"{made['cpu']}; {versions}; {rounds} rounds; {busy}.")
     print(text, end="")
-    for part in (particles, weighing, recorded, joint, growing, waiting):
+    for part in (particles, roofline, weighing, recorded, joint, growing, waiting):
         for line in part(rounds):
             text += line.row()
             print(line.row(), end="", flush=True)

@@ -4,12 +4,10 @@ Run: python benchmarks/peers/table.py REPORT [DATA], where DATA holds MRCLAM (mr
 is left out, with the reason. Certificates and results stay in build/peers, and a second run goes on from there.
 """
 
-import ast
 import inspect
 import os
 import sys
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -34,11 +32,11 @@ HEAD = """# Other people's filters as plug-ins
 
 Each is a plain class for one robot in `benchmarks/peers/`, lifted by `cl.PerRobot`, and named on the command line:
 `cooploc run quick --estimators ekf-local,benchmarks/peers/filterpy_filters.py:Ukf[alpha=0.5]`. They use odometry, and
-anchors or landmarks. *Glue*: lines of code of the class, of all that it uses in its file, and of its imports; without
-docstrings. *Apart*: largest distance of its positions from those of `{ours}` without a gate, on three robots in the
-arena and with cameras, 2 trials of 30 ticks each; those that compute the same agree to rounding. *Checks*: the
-certificate, with what it leaves out. RMSE [m] and processor time in microseconds for a robot and tick: 4 trials of
-`robots-1-3/n=3[ticks=60]`, as in the study `quick` but shorter, then a minute of five real robots (`mrclam/all`).
+anchors or landmarks. *Glue*: lines of the class, without what it inherits. *Apart*: largest distance of its positions
+from those of `{ours}` without a gate, on three robots in the arena and with cameras, 2 trials of 30 ticks
+each; those that compute the same agree to rounding. *Checks*: the certificate, with what it leaves out.
+RMSE [m] and processor time in microseconds for a robot and tick: 4 trials of `robots-1-3/n=3[ticks=60]`, as in the
+study `quick` but shorter, then a minute of five real robots (`mrclam/all`).
 filterpy and GTSAM are in the lock; the other libraries are tried where they are on PYTHONPATH.
 
 """
@@ -48,25 +46,8 @@ Peer = tuple[str, str, str]  # label, lines of glue, how far apart
 
 
 def glue_lines(estimator: cl.PerRobot) -> int:
-    """Lines of the class, of what it uses of its file, and of what these import; without docstrings."""
-    made: Any = estimator.make
-    tree = ast.parse(Path(inspect.getfile(made)).read_text())
-    kept, waiting = set[ast.stmt](), {made.__name__}
-    while waiting:
-        found = {node for node in tree.body if node not in kept and named(node) & waiting}
-        kept |= found
-        waiting = {one.id for node in found for one in ast.walk(node) if isinstance(one, ast.Name)}
-    for node in [one for top in kept for one in ast.walk(top)]:
-        if isinstance(node, ast.ClassDef | ast.FunctionDef) and ast.get_docstring(node):
-            node.body = node.body[1:] or [ast.Pass()]
-    return sum(bool(line.strip()) for node in kept for line in ast.unparse(node).splitlines())
-
-
-def named(node: ast.stmt) -> set[str]:
-    """The names that a statement of a file makes."""
-    if isinstance(node, ast.Import | ast.ImportFrom):
-        return {one.asname or one.name.partition(".")[0] for one in node.names}
-    return {getattr(node, "name", "")}
+    """Return the number of lines of a class, without empty ones."""
+    return sum(bool(line.strip()) for line in inspect.getsource(estimator.make).splitlines())  # type: ignore[arg-type]
 
 
 def apart(estimator: cl.PerRobot) -> str:
