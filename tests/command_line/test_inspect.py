@@ -8,6 +8,7 @@ from processes import inside
 from cooploc.terminal.tables import recording_lines
 
 
+@pytest.mark.slow
 def test_inspect_prints_what_is_odd_and_writes_a_log_that_only_force_replaces(tmp_path):
     eight_glitches(tmp_path / "team")
     ended = inside("inspect", "team", cwd=tmp_path)

@@ -35,6 +35,7 @@ def drop_landmarks(stream):
     return stream.replace_arrays({"senses.landmark": np.full_like(stream.senses.landmark, np.nan)})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
 @pytest.mark.parametrize(
     ("label", "options"),

@@ -23,6 +23,7 @@ def test_where_all_is_linear_it_is_the_exact_posterior_for_any_window(window):
                 np.testing.assert_allclose(trace.P[trial, k, i], P[i, :, i], atol=1e-9)
 
 
+@pytest.mark.slow
 def test_with_the_whole_past_in_its_window_it_is_the_least_squares_of_the_whole_path():
     """Every misfit written down, and minimised by scipy from the truth."""
     truth, stream = cl.simulate("packet-drop/drop=0.5", trials=3, seed=4, robots=3, ticks=TICKS, prior_sigma=0.3)

@@ -242,6 +242,7 @@ def test_no_estimator_escapes_a_contradiction_by_failing_and_none_earns_one(who,
 REPEATED = [f"s/n={k}" for k in range(200)]  # as many repetitions of one case
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("claim", "level", "false"),
     [

@@ -58,6 +58,7 @@ def test_with_one_trial_and_a_sharp_prior_it_is_the_bound_at_the_true_path(robot
     assert want[-1] < 0.7 * floor(stream, [])[-1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "channels"),
     [

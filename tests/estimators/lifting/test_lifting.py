@@ -137,6 +137,7 @@ def test_global_draws_are_keyed_by_trial_robot_and_tick_and_restored(stream):
     assert len(np.unique(noise.round(9))) == noise.size  # no two ticks, robots, trials or generators alike
 
 
+@pytest.mark.slow
 def test_a_library_that_draws_globally_passes_the_checks_with_its_own_generator():
     for own, passed in ((True, True), (False, False)):
         report = cl.check_estimator(cl.PerRobot(Drawing, own_random=own), isolate=False)

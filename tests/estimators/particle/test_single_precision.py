@@ -12,11 +12,10 @@ from cooploc.scenarios import simulate
 from cooploc.scenarios.runner.trace import trace
 
 ANYWHERE = "cmrl[", "reciprocal-pf[", "channel-pf["
-SLOW = "arl[", "rssi-pf[", "mrsl-distance[", "ctrn[weights=exact,", "mrsl-rssi[neighbour_samples=M,", *ANYWHERE
+OTHERS = "arl[", "rssi-pf[", "mrsl-distance[", "ctrn[weights=exact,", "mrsl-rssi[neighbour_samples=M,", *ANYWHERE
 
 
-def compile_apart(names):
-    return [pytest.param(name, marks=pytest.mark.slow) for name in names]
+pytestmark = pytest.mark.slow  # its loops are compiled apart
 
 
 def in_both(name, scenario, **options):
@@ -24,7 +23,7 @@ def in_both(name, scenario, **options):
     return [trace(name, make(f"{name}precision={precision}]"), stream) for precision in ("double", "single")]
 
 
-@pytest.mark.parametrize("name", ["mrsl-rssi[", *compile_apart(SLOW)])
+@pytest.mark.parametrize("name", ["mrsl-rssi[", *OTHERS])
 def test_single_precision_estimates_what_double_does(name):
     """But for particles that resampling chose differently: less than a quarter of what sampling itself leaves."""
     double, single = in_both(name, "robots-1-3/n=3", trials=4, ticks=12)
@@ -34,7 +33,7 @@ def test_single_precision_estimates_what_double_does(name):
     np.testing.assert_allclose(single.x[:, 0], double.x[:, 0], atol=0.02)
 
 
-@pytest.mark.parametrize("name", compile_apart(ANYWHERE))
+@pytest.mark.parametrize("name", ANYWHERE)
 def test_single_precision_with_headings_and_cameras(name):
     double, single = in_both(name, "camera/n=3", trials=2, ticks=6)
     np.testing.assert_allclose(single.x[:, 0, :, :2], double.x[:, 0, :, :2], atol=0.05)

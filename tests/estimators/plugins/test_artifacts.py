@@ -22,6 +22,7 @@ class Plain(DeadReckoning):
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("edited", ["weights.npz", "mine.py"])
 def test_a_run_says_it_and_is_not_continued_with_other_weights_or_another_source(tmp_path, edited):
     (tmp_path / "mine.py").write_text(PLUGIN)

@@ -122,6 +122,7 @@ def with_late_signals(path):
     path.write_text("\n".join([head, *late]))
 
 
+@pytest.mark.slow
 def test_outliers_make_the_fit_and_the_loss_robust_and_the_sentence_has_the_scores(tmp_path):
     for seed, name in enumerate(("one", "two", "three", "judged")):
         write(tmp_path / name, seed, 40.0)

@@ -218,6 +218,7 @@ def test_a_description_that_cannot_be_is_one_line(data, old, new, said):
 REAL = Path(os.environ.get("COOPLOC_DATA", Path(__file__).parents[4] / "shared" / "data")) / "wifi-rssi"
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(
     not REAL.is_dir(), reason="the WiFi recordings are not here; set COOPLOC_DATA to where wifi-rssi/ lies"
 )

@@ -62,6 +62,7 @@ def lab(recorded, tmp_path, *changes, runs=("one", "two")):
     return folder
 
 
+@pytest.mark.slow
 def test_the_models_that_made_the_data_are_recovered(long):
     _, stream = cl.simulate("log/all", data=long)
     models = stream.notes["models"]
@@ -74,6 +75,7 @@ def test_the_models_that_made_the_data_are_recovered(long):
     assert stream.time[0] == pytest.approx(1_700_000_000.003 + 180 + TICK, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_raw_ranges_keep_their_bias_and_sigma_contains_it(long):
     (_, fitted), (_, raw) = (cl.simulate(f"log/all[bias={bias}]", data=long) for bias in ("fitted", "none"))
     difference = raw.air.range - fitted.air.range
@@ -101,6 +103,7 @@ def test_nothing_that_is_judged_changes_what_the_team_is_told(recorded, tmp_path
     assert stream.notes["models"] == whole.notes["models"]
 
 
+@pytest.mark.slow
 def test_a_run_is_fitted_on_the_others_alone(recorded, tmp_path):
     folder = lab(recorded, tmp_path, ('on = "first part"\nseconds = 60.0', 'on = "other runs"'))
     worlds = {}
@@ -197,6 +200,7 @@ def test_without_a_true_heading_it_must_be_said_what_robots_know(recorded, tmp_p
     assert np.abs(wrap(stream.prior.x[0, :, 2] - headed.prior.x[0, :, 2])).max() < 0.2
 
 
+@pytest.mark.slow
 def test_what_is_left_over_has_the_spread_that_filters_are_told(long):
     model = resolve("log/all", long).model.at([0])
     found = {one.fitted: one for one in model.link_residuals()}

@@ -76,6 +76,7 @@ def test_a_log_toml_elsewhere_is_inspected_as_the_command_says(tmp_path, clean):
     assert set(cl.inspect(tmp_path / "out").inspected.log.robots) == {"red", "blue"}
 
 
+@pytest.mark.slow
 def test_a_log_toml_that_is_there_is_believed_and_stays(tmp_path, clean):
     team = write(tmp_path / "team", clean)
     cl.inspect(team).write()

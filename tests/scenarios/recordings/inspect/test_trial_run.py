@@ -97,6 +97,7 @@ def require_run_of_draft(folder, out, change, monkeypatch):
     demand_same_streams(pd.concat(errors, ignore_index=True))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("change", CHANGES)
 @pytest.mark.parametrize("name", MADE)
 def test_the_draft_of_a_made_recording_runs(tmp_path, name, change, monkeypatch):
@@ -147,6 +148,7 @@ FAULTS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FAULTS)
 def test_a_strict_run_refuses_what_another_mends_and_says(tmp_path, name):
     make, said = FAULTS[name]
