@@ -20,6 +20,7 @@ from itertools import permutations
 from typing import ClassVar, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cooploc.estimators import kalman
 from cooploc.estimators.compiled import readable
@@ -37,7 +38,10 @@ class State(NamedTuple):
     x: Array  # (t, n, d)
     P: Array  # (t, n, d, d)
     Phi: Array  # (t, n, d, d)
-    Pi: Array  # (t, n, n, d, n, d)  each robot's copy of every Pi_jl = Pi_lj'; the diagonal is not used
+    Pi: Array  # (t, n, n, d, n, d)  copies of every Pi_jl = Pi_lj'; the diagonal is not used
+    copy: NDArray[
+        np.int64
+    ]  # (t, n)  which of these a robot has: one as long as all heard the same, in the end each its own
     world: World
 
 
@@ -66,7 +70,8 @@ class EkfInterim:
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
         world = kalman.assume(self, world)
         t, n, d = prior.x.shape
-        return State(prior.x, prior.P, np.zeros_like(prior.P) + np.eye(d), np.zeros((t, n, n, d, n, d)), world)
+        Pi, copy = np.zeros((t, n, n, d, n, d)), np.zeros((t, n), np.int64)
+        return State(prior.x, prior.P, np.zeros_like(prior.P) + np.eye(d), Pi, copy, world)
 
     def predict(self, s: State, z: Senses) -> State:
         """P_i' = F_i P_i F_i' + Q_i,  Phi_i' = F_i Phi_i,  Pi' = Pi."""
@@ -79,12 +84,12 @@ class EkfInterim:
 
     def exchange(self, s: State, z: Senses, air: Mail) -> tuple[State, Traffic]:
         """Use readings of fixed things, then of teammates, one after the other, each with its own messages."""
-        d = s.x.shape[-1]
+        trials, d = np.arange(len(s.x)), s.x.shape[-1]
         sent = kalman.no_traffic(s.x)
-        s = s._replace(x=s.x.copy(), P=s.P.copy(), Pi=s.Pi.copy())  # every reading writes into these
+        s = s._replace(x=s.x.copy(), P=s.P.copy(), Pi=s.Pi.copy(), copy=s.copy.copy())  # all are written into
         if seen := kalman.landmarks_alone(self, s.world, z):
             made = np.zeros(s.x.shape[:2])
-            sight_decoupled(s[:4], seen, readable(air.heard), made)
+            sight_decoupled(s[:5], seen, readable(air.heard), made)
             made = made * (s.world.robots > 1)
             sent = Traffic(made, made * (8.0 * (1 + 2 * (1 + 2 * d)) + HEADER))
         for sensor, place, reading in () if seen else fixed_readings(s.world, z, self.anchor_reading):
@@ -96,7 +101,7 @@ class EkfInterim:
         for sensor, a, b, reading in kalman.pair_readings(s.world, z, air):
             asked, answered = np.asarray(~np.isnan(reading).any(-1)), air.heard[:, b, a]
             linear = kalman.linearise(sensor, s.x[:, a], s.x[:, b], reading)
-            P_ab = s.Phi[:, a], s.Pi[:, a, a, :, b], s.Phi[:, b].mT
+            P_ab = s.Phi[:, a], s.Pi[trials, s.copy[:, a], a, :, b], s.Phi[:, b].mT
             y, H_a, H_b = kalman.soften_pair(sensor, *linear, s.P[:, a], s.P[:, b], *P_ab)
             y = np.where((answered & air.heard[:, a, b])[:, None], y, np.nan)
             used = self._master(s, a, y, {a: H_a, b: H_b}, sensor.R, air.heard[:, :, a])
@@ -114,7 +119,7 @@ class EkfInterim:
         if self.engine == "filterpy":
             return _update_by_filterpy(s, a, y, at, R, heard, self.gate)
         reading = y.copy(), np.stack(list(at.values()), 1), R
-        used: Mask = master(s[:4], a, np.array(list(at)), reading, heard.copy(), self.gate)
+        used: Mask = master(s[:5], a, np.array(list(at)), reading, heard.copy(), self.gate)
         return used
 
 
@@ -123,6 +128,7 @@ def _update_by_filterpy(
 ) -> Mask:
     """`master` by filterpy's filter over each robot's copy of the team, P_jl = Phi_j Pi_jl Phi_l'."""
     t, n, d = s.x.shape
+    s.Pi[:], s.copy[:] = s.Pi[np.arange(t)[:, None], s.copy], np.arange(n)
     Pi, Phi = s.Pi.copy(), square(block_diagonal(s.Phi))[:, None]
     for m, j in permutations(at, 2):  # as the master broadcast them
         Pi[:, :, m, :, j] = s.Pi[:, None, a, m, :, j]

@@ -252,46 +252,68 @@ def _subtract(Pi, Gamma):
 
 
 @strict_kernel
+def _part(Pi, copy, before, takes):
+    """Give robots that part from the others with their copy `before`, by whether each takes an update, a new one."""
+    for i in range(len(copy)):
+        if takes[i] != takes[before[i]]:
+            copy[i] = 0
+            while before[copy[i]] != before[i] or takes[copy[i]] != takes[i]:
+                copy[i] += 1
+            if copy[i] == i:
+                for j in range(len(Pi)):
+                    Pi[i, j] = Pi[before[i], j]
+
+
+@strict_kernel
 def master(team, a, at, reading, heard, gate):
     """Update the memory of robot a and of those who `heard` it (t, n) by its reading of the m robots `at`.
 
-    `team` has x (t, n, d), P and Phi (t, n, d, d), and every robot's copy of Pi (t, n, n, d, n, d); `reading` has
-    y (t, k), nan where absent, H (t, m, k, d) and R (k, k). Return which trials used it (t,). With S = C C',
+    `team` has x (t, n, d), P and Phi (t, n, d, d), copies of Pi (t, n, n, d, n, d), and which of these each robot has
+    (t, n); `reading` has y (t, k), nan where absent, H (t, m, k, d) and R (k, k). Return which trials used it (t,).
+    With S = C C',
 
         Gamma_m = Phi_m^-1 Cov(x_m, reading) C'^-1,  dx_i = Phi_i Gamma_i C^-1 y,  dP_i = Phi_i Gamma_i Gamma_i' Phi_i',
         dPi_jl = Gamma_j Gamma_l'.
     """
-    (x, P, Phi, Pi), (y, H, R) = team, reading
+    (x, P, Phi, Pi, copy), (y, H, R) = team, reading
     (t, n, d), k, nothing = x.shape, y.shape[1], np.empty((x.shape[2], 0))
     used, sound, new = np.zeros(t, np.bool_), np.empty(n, np.bool_), np.empty((n, d, d))
+    runaway, takes, before = np.empty(n, np.bool_), np.empty(n, np.bool_), np.empty(n, np.int64)
     Gamma, mine = np.empty((n, k, n * d)), np.empty((n, d, k))
     A, S, cross = np.empty((2, d, d)), np.empty((k, k)), np.empty((len(at), d, k))
     B = np.empty((k, 1 + 2 * len(at) * d))
     for s in range(t):
-        _covariance(P[s], Phi[s], Pi[s, a], at, H[s], A, cross)
+        _covariance(P[s], Phi[s], Pi[s, copy[s, a]], at, H[s], A, cross)
         definite, far = _whiten(Phi[s], at, y[s], H[s], R, cross, S, A, B), 0.0
         for q in range(k):
             far += B[q, 0] ** 2
         if not (definite and far <= gate):  # nor where anything is absent: nan
             continue
         for i in range(n):
-            runaway = _fill_gain(Pi[s, i].reshape(n * d, n * d), at, B, Gamma[i])
-            fill_product(Phi[s, i], Gamma[i, :, i * d : i * d + d].T, mine[i])
+            before[i] = copy[s, i]
+            if before[i] == i:
+                runaway[i] = _fill_gain(Pi[s, i].reshape(n * d, n * d), at, B, Gamma[i])
+        for i in range(n):
+            fill_product(Phi[s, i], Gamma[before[i], :, i * d : i * d + d].T, mine[i])
             fill_product(mine[i], mine[i].T, A[0])
             fill_sum(1.0, P[s, i], -1.0, A[0], new[i])
             fill_sum(1.0, new[i], 0.0, new[i], A[0])
             whiten(A[0], nothing)
-            sound[i] = A[0, d - 1, d - 1] > 0 and not runaway  # P less mine mine' is definite
+            sound[i] = A[0, d - 1, d - 1] > 0 and not runaway[before[i]]  # P less mine mine' is definite
         used[s] = True
         for m in at:
             used[s] = used[s] and sound[m]
         for i in range(n):
-            if used[s] and sound[i] and (heard[s, i] or i == a):
+            takes[i] = used[s] and sound[i] and (heard[s, i] or i == a)
+            if takes[i]:
                 fill_sum(1.0, new[i], 0.0, new[i], P[s, i])
                 for c in range(d):
                     for q in range(k):
                         x[s, i, c] += mine[i, c, q] * B[q, 0]
-                _subtract(Pi[s, i].reshape(n * d, n * d), Gamma[i])
+        _part(Pi[s], copy[s], before, takes)
+        for i in range(n):
+            if takes[i] and copy[s, i] == i:
+                _subtract(Pi[s, i].reshape(n * d, n * d), Gamma[before[i]])
     return used
 
 
