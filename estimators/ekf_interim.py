@@ -20,11 +20,10 @@ from itertools import permutations
 from typing import ClassVar, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cooploc.estimators import kalman
 from cooploc.estimators.compiled import readable
-from cooploc.estimators.interface import HEADER, Array, Belief, Mail, Mask, Rows, Senses, Traffic, World
+from cooploc.estimators.interface import HEADER, Array, Belief, Indices, Mail, Mask, Rows, Senses, Traffic, World
 from cooploc.estimators.joint_gaussian import block_diagonal, definite, dense, square
 from cooploc.estimators.joint_kernels import RUNAWAY, master, sight_decoupled
 from cooploc.estimators.models import AnchorReading, fixed_readings
@@ -39,9 +38,7 @@ class State(NamedTuple):
     P: Array  # (t, n, d, d)
     Phi: Array  # (t, n, d, d)
     Pi: Array  # (t, n, n, d, n, d)  copies of every Pi_jl = Pi_lj'; the diagonal is not used
-    copy: NDArray[
-        np.int64
-    ]  # (t, n)  which of these a robot has: one as long as all heard the same, in the end each its own
+    copy: Indices  # (t, n)  which of these a robot has: one as long as all heard the same, in the end each its own
     world: World
 
 

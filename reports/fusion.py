@@ -71,9 +71,8 @@ def over_pieces(data: Path) -> pd.DataFrame:
         truth, stream = cl.simulate(f"mrclam/{view}", data=data)
         run = cl.run(REAL, stream)
         place = np.floor((stream.time - stream.time[0]) / PIECE)
-        valid = [truth.valid & (place == k)[None, :, None] for k in np.unique(place)]
-        whole = [mask for mask in valid if mask.any()]
-        for k, mask in enumerate(whole):  # each piece is a trial of its own
+        valid = (truth.valid & (place == k)[None, :, None] for k in np.unique(place))
+        for k, mask in enumerate(mask for mask in valid if mask.any()):  # each piece is a trial of its own
             frame = cl.errors(replace(truth, valid=mask), run)
             found.append(frame.assign(trial=k, stream=frame["stream"] + f"/{k}"))
     errors = pd.concat(found, ignore_index=True)

@@ -1,9 +1,8 @@
 """Computes again what the repository says about the world: runs the studies, then writes every page and figure.
 
 Run: python reports/make_all.py [--runs DIR] [--data DIR] [--jobs N] [--only NAME,NAME], or `make reports`.
-Runs are kept in `--runs` and go on where they were ended; pages are always written again. What needs recordings is left
-out where there are none. What a step prints is kept in `--runs`/logs. Ends with a table of what was made, in which
-time; exit code 1 where a step failed.
+Runs are kept in `--runs` and go on where they were ended, as many side by side as there are jobs; pages are written
+again. What needs recordings is left out where there are none. Ends with a table; exit code 1 where a step failed.
 """
 
 import os
@@ -11,6 +10,8 @@ import subprocess
 import sys
 import time
 from argparse import ArgumentParser, Namespace
+from concurrent.futures import ThreadPoolExecutor
+from itertools import groupby, repeat
 from pathlib import Path
 from typing import NamedTuple
 
@@ -48,19 +49,19 @@ def page(name: str, out: str, *recordings: str) -> Step:
     return Step(f"{name} in {out}", command, recordings)
 
 
-BUDGET = ("--budget", "120")
-STEPS = (  # speed first, on an idle machine; then runs, and pages after the runs and pages that they show
+BUDGET, SIDE_BY_SIDE = ("--budget", "120"), {"{jobs}", str(HERE / "statistics.md")}  # in commands that measure no time
+STEPS = (  # speed first, on an idle machine; then runs, long ones first, and pages after what they show
     benchmark("speed", "speed.py", "speed.md"),
-    study("paper"), study("three-readings"),
+    study("paper"), study("readings", "--trials", "24"),
     study("without-scalability", "--until-decided", "--max-trials", "320", file=f"{BENCH}/without-scalability.toml"),
-    study("readings", "--trials", "24"), study("fusion"), study("fusion-worlds"), study("sensitivity"), study("gbp"),
-    study("paper-fair", *BUDGET, command="tune"), study("paper-fair-mrclam", *BUDGET, command="tune", data="mrclam6"),
-    benchmark("rates", "statistics/rates.py", "statistics.md"), study("reasons"), study("information"),
-    study("mrclam", data="mrclam6"), study("sightings"), study("fixed-weights", "--seed", "7"), study("vague-start"),
-    study("uwb"), study("wifi-priors", data="wifi-rssi"), study("own-filter"), study("quick"),
+    study("paper-fair", *BUDGET, command="tune"), study("fusion"), study("three-readings"), study("gbp"),
+    study("paper-fair-mrclam", *BUDGET, command="tune", data="mrclam6"), study("information"), study("reasons"),
+    study("sensitivity"), study("mrclam", data="mrclam6"), study("fusion-worlds"), study("uwb"), study("sightings"),
+    study("fixed-weights", "--seed", "7"), study("vague-start"), study("wifi-priors", data="wifi-rssi"),
+    study("own-filter"), study("quick"), benchmark("rates", "statistics/rates.py", "statistics.md"),
+    benchmark("stopping", "statistics/stopping.py", "statistics.md"),
     benchmark("reliability", "reliability.py", "reliability.md"),
     page("fusion", "fusion.md", "mrclam6"),
-    benchmark("stopping", "statistics/stopping.py", "statistics.md"),
     page("information", "information.md"),
     page("readings", "readings/README.md"),
     page("three-readings", "readings/three-readings.md"),
@@ -87,32 +88,37 @@ def main() -> int:
     wanted = set(asked.only.split(",")) if asked.only else {step.name for step in STEPS}
     if unknown := wanted - {step.name for step in STEPS}:
         parser.error(f"no step {sorted(unknown)[0]!r}; there are {', '.join(step.name for step in STEPS)}")
-    table = Table("step", "minutes", "", title="What was made")
-    for step in STEPS:
-        if step.name in wanted:
-            table.add_row(*run_step(step, asked))
+    table, chosen = Table("step", "minutes", "", title="What was made"), [one for one in STEPS if one.name in wanted]
+    for together, group in groupby(chosen, lambda step: not SIDE_BY_SIDE.isdisjoint(step.command)):
+        steps = list(group)
+        each = max(1, asked.jobs // len(steps))  # processes: a run with one keeps none waiting for its last tasks
+        with ThreadPoolExecutor(asked.jobs if together else 1) as pool:
+            places = [f" ({chosen.index(step) + 1} of {len(chosen)})" for step in steps]
+            for row in pool.map(run_step, steps, repeat(asked), repeat(each), places):
+                table.add_row(*row)
     Console().print(table)
     return int("failed" in table.columns[-1].cells)
 
 
-def run_step(step: Step, asked: Namespace) -> tuple[str, str, str]:
+def run_step(step: Step, asked: Namespace, jobs: int = 1, place: str = "") -> tuple[str, str, str]:
     """Run a step, and return its name, the minutes that it took, and how it ended."""
     absent = [name for name in step.recordings if not (asked.data / name).exists()]
     if absent:
         return step.name, "", f"left out: {asked.data / absent[0]} is not there"
     log = asked.runs / "logs" / f"{step.name.replace('/', '-')}.txt"
     log.parent.mkdir(parents=True, exist_ok=True)
-    print(f"{time.strftime('%H:%M')} {step.name} begins; what it prints is in {log}", file=sys.stderr, flush=True)
-    command = [part.format(runs=asked.runs, data=asked.data, jobs=asked.jobs) for part in step.command]
+    print(f"{time.strftime('%H:%M')} {step.name}{place} begins; it prints into {log}", file=sys.stderr, flush=True)
+    command = [part.format(runs=asked.runs, data=asked.data, jobs=jobs) for part in step.command]
     began, at = time.monotonic(), time.time()
     with log.open("w", encoding="utf-8") as out:
-        quiet = {**os.environ, "PYTHONWARNINGS": "ignore"}
-        code = subprocess.run(command, check=False, env=quiet, stdout=out, stderr=out).returncode
+        code = subprocess.call(command, env=os.environ | {"PYTHONWARNINGS": "ignore"}, stdout=out, stderr=out)
     ended = "failed" if code else ""
     last = asked.runs / step.name / "table.csv"  # that a run writes; a crash ends with the same code and without it
     if code == 1 and "run" in step.command and last.exists() and last.stat().st_mtime >= at:
         ended = "with trials that failed"
-    return step.name, f"{(time.monotonic() - began) / 60:.1f}", ended
+    minutes = f"{(time.monotonic() - began) / 60:.1f}"
+    print(f"{time.strftime('%H:%M')} {step.name}{place} {ended or 'done'}, {minutes} min", file=sys.stderr, flush=True)
+    return step.name, minutes, ended
 
 
 if __name__ == "__main__":

@@ -54,12 +54,9 @@ def track(readings: Array, truth: Array, average: bool, turn: bool, seed: int) -
         x = (rssi[..., 2] - rssi[..., 1] + rssi[..., 3] - rssi[..., 0]) / 2
         return np.arctan(np.divide(y, x, out=np.zeros_like(x), where=x != 0))
 
-    measured = direction(readings)
-    if turn:
-        measured = measured + np.arctan2(2 * truth[:, 0] * truth[:, 1], 1 - 2 * truth[:, 1] ** 2)
+    measured = direction(readings) + turn * np.arctan2(2 * truth[:, 0] * truth[:, 1], 1 - 2 * truth[:, 1] ** 2)
     particles = random.uniform((0.9, 0.6), (1.3, 1.0), (1000, 2))
-    best: list[float] = []
-    estimates = np.empty_like(truth)
+    best, estimates = list[float](), np.empty_like(truth)
     for i, rssi in enumerate(readings):
         distance = np.linalg.norm(particles[:, None] - NODES, axis=-1).clip(0.01)
         model = -40 - 30 * np.log10(distance) + random.normal(0, 2, (len(particles), 1))

@@ -60,8 +60,7 @@ def errors_of(labels: tuple[str, ...], data: Path) -> pd.DataFrame:
 
 def values(runs: Path, out: Path, data: Path) -> dict[str, Any]:
     """Return the words of the text, and draw its figures."""
-    folder = out / "real-robots"
-    folder.mkdir(exist_ok=True)
+    (folder := out / "real-robots").mkdir(exist_ok=True)
     for name, study in (("mrclam", "mrclam"), ("wifi", "wifi-priors")):
         style.save(cl.plot.rmse(cl.load_run(runs / study).rows), folder / f"{name}.png")
     return {

@@ -110,8 +110,8 @@ class StudyRun:
 
     def over_confident(self, estimators: Iterable[str], scenarios: Iterable[str]) -> int:
         """Return in how many cells of these the covariance is too small, by the interval of ANEES or of coverage."""
-        cells = [self._row(name, label) for name, label in product(estimators, scenarios)]
-        return int((consistency(pd.DataFrame(cells)) == "over-confident").sum())
+        cells = pd.DataFrame([self._row(*cell) for cell in product(estimators, scenarios)])
+        return int((consistency(cells) == "over-confident").sum())
 
     def bytes(self, estimator: str, scenario: str) -> str:
         """Return the bytes sent per robot and tick."""
@@ -188,8 +188,8 @@ def order_when_tuned(run: str | Path) -> dict[str, Any]:
 
 def claims() -> dict[str, dict[str, Any]]:
     """Return of every claim of the paper how many specifications there are, and how many have each verdict."""
-    rows = pd.read_csv(REPORTS / "readings" / "map.csv", dtype={"claim": str}).to_dict("records")
-    return {row["claim"]: row for row in rows}
+    rows = pd.read_csv(REPORTS / "readings/map.csv", dtype={"claim": str})
+    return {row["claim"]: row for row in rows.to_dict("records")}
 
 
 def preset_verdicts(run: str | Path) -> dict[str, tuple[str, str]]:

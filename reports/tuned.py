@@ -23,9 +23,7 @@ def values(runs: Path, out: Path, data: Path) -> dict[str, Any]:
     style.save(cl.plot.tuned_parameters(found.history, SHOWN), out / "tuned-parameters.png")
     recorded = runs / "paper-fair-mrclam"
     return {
-        "budget": found.record["budget"],
-        "training_seed": found.record["training_seed"],
-        "seed": found.record["seed"],
+        **{key: found.record[key] for key in ("budget", "training_seed", "seed")},
         "streams": len(found.record["streams"]),
         "by_rmse": tables.order_sentence(found.order("rmse"), "RMSE"),
         "by_nll": tables.order_sentence(found.order("nll"), "score"),
