@@ -21,7 +21,7 @@ from cooploc.analysis.metrics.statistics import MARGIN
 REPEATS, MOST, AT_ONCE = 2000, 1000, 250
 LOOKS = looks(MOST)  # those of `cooploc run --until-decided`
 OFTEN = sorted({*LOOKS, *np.geomspace(LOOKS[0], MOST, 50).astype(int).tolist()})
-HALVES = sequential.HALVES
+HALVES = statistics.HALVES
 EFFECTS = 0.0, 0.01, 0.02, 0.05, 0.1, 0.2
 START = "<!-- stopping -->"
 
