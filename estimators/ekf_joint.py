@@ -20,17 +20,9 @@ from typing import ClassVar, Literal, NamedTuple
 import numpy as np
 
 from cooploc.estimators import joint_gaussian as joint
-from cooploc.estimators import kalman, models
+from cooploc.estimators import joint_kernels, kalman, models
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses, Sensor, Traffic, World
-from cooploc.estimators.joint_kernels import (
-    LinearReadings,
-    count_refused,
-    distances,
-    information,
-    join_ranges,
-    sight_joint,
-)
 from cooploc.estimators.kalman_kernels import add_directions, add_ranges, add_scalars
 from cooploc.estimators.models import AnchorReading, Range, fixed_readings, wrap_heading
 from cooploc.estimators.robust import AssumedLoss
@@ -125,7 +117,7 @@ class EkfJoint:
     def correct(self, s: State, z: Senses) -> State:
         if self.update == "batch" and (seen := kalman.landmarks_alone(self, s.world, z)):
             x, P, refused = s.x.copy(), joint.square(s.P.copy()), s.refused.copy()
-            sight_joint(x, P, refused, seen, FORGET)
+            joint_kernels.sight_joint(x, P, refused, seen, FORGET)
             return _set_belief(s, x, P)._replace(refused=refused)
         for sensor, place, reading in fixed_readings(s.world, z, self.anchor_reading):
             if self.update == "batch":
@@ -176,7 +168,7 @@ class EkfJoint:
         y, H, _ = kalman.innovation(sensor, s.x, place, reading)
         y, H = kalman.soften(sensor, joint.own_blocks(s.P), y, H)
         readings = joint.linear_fixed(y, H, sensor.R)
-        d2 = distances(joint.square(s.P), readings)
+        d2 = joint_kernels.distances(joint.square(s.P), readings)
         use = d2 <= self.gate
         if self.engine == "batched" and np.count_nonzero(sensor.R) == len(sensor.R):  # it is diagonal
             x, P = s.x.copy(), joint.square(s.P.copy())
@@ -193,7 +185,8 @@ class EkfJoint:
         """
         if self.engine == "batched" and isinstance(sensor, Range) and sensor.loss == "none":
             x, P = s.x.copy(), joint.square(s.P.copy())
-            d2 = join_ranges(x, P, readings[..., 0], sensor.R.item(), self.gate, self.second_order, self.iterations)
+            settings = sensor.R.item(), self.gate, self.second_order, self.iterations
+            d2 = joint_kernels.join_ranges(x, P, readings[..., 0], *settings)
             return _count_distances(_set_belief(s, x, P), d2, self.gate, True)
         shift, extra = np.zeros(1), np.zeros((1, 1))
         if self.second_order and isinstance(sensor, Range):
@@ -211,7 +204,7 @@ class EkfJoint:
             y, H_i, H_j = kalman.soften_pair(sensor, y, H_i, H_j, *joint.pair_blocks(s.P), extra=extra)
             linear = joint.linear_readings(y, H_i, H_j, R)
             if k == 0:
-                d2 = distances(joint.square(s.P), linear)
+                d2 = joint_kernels.distances(joint.square(s.P), linear)
             at = self._add(s, d2 <= self.gate, linear, last=k == self.iterations - 1)
         return _count_distances(at, d2, self.gate, True)
 
@@ -259,14 +252,14 @@ class EkfJoint:
             at = self._update(s, y, {i: H_i, j: H_j}, sensor.R + extra)
         return at
 
-    def _add(self, s: State, use: Mask, readings: LinearReadings, last: bool = True) -> State:
+    def _add(self, s: State, use: Mask, readings: joint_kernels.LinearReadings, last: bool = True) -> State:
         """P' = (P^-1 + H'R^-1 H)^-1,  x' = x + P' H'R^-1 y, over the readings that `use` allows.
 
         Before the `last` iteration P' is not needed.
         """
         P = joint.square(s.P)
         if self.engine == "batched" and not last:
-            eta, Lambda = information(use, readings)
+            eta, Lambda = joint_kernels.information(use, readings)
             step = np.linalg.solve(np.eye(P.shape[-1]) + P @ Lambda, P @ eta[..., None])[..., 0]
             return _set_belief(s, joint.flat(s.x) + step, P)
         step, P = joint.solve_together(self.engine, P, use, readings)
@@ -286,5 +279,5 @@ def _set_belief(s: State, x: Array, P: Array) -> State:
 
 def _count_distances(s: State, d2: Array, gate: float, between: bool) -> State:
     """Count the readings (t, n, m) that the gate refused into each robot's average."""
-    count_refused(d2, gate, between, FORGET, refused := s.refused.copy())
+    joint_kernels.count_refused(d2, gate, between, FORGET, refused := s.refused.copy())
     return s._replace(refused=refused)

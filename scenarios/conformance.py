@@ -21,20 +21,12 @@ import numpy as np
 from cooploc.estimators import is_builtin, make
 from cooploc.estimators.errors import BadInput, one_line
 from cooploc.estimators.interface import Array, Belief, Mail, Mask
-from cooploc.estimators.models import Displacement, Unicycle, wrap, wrap_heading
+from cooploc.estimators.models import Displacement, Unicycle, wrap_heading
 from cooploc.estimators.registry import refusal, shorten_labels, traits
-from cooploc.scenarios import simulate
-from cooploc.scenarios.display import list_table
+from cooploc.scenarios import simulate, variations
 from cooploc.scenarios.process import PLUGINS, SESSION, WorkerError, call
-from cooploc.scenarios.runner.run import label_of, make_instance, missing_methods
-from cooploc.scenarios.runner.tick import (
-    SENSED,
-    EstimatorError,
-    IncompatibleEstimator,
-    Watcher,
-    select_channels,
-    visible,
-)
+from cooploc.scenarios.runner.run import label_of, list_table, make_instance, missing_methods
+from cooploc.scenarios.runner.tick import EstimatorError, IncompatibleEstimator, Watcher, select_channels, visible
 from cooploc.scenarios.runner.trace import ROUNDING, Trace, trace
 from cooploc.scenarios.stream import Stream
 
@@ -229,7 +221,7 @@ class Harness:
             except IncompatibleEstimator as e:
                 reasons.append(str(e))
                 continue
-            sparse = drop_readings(stream, self.rng)
+            sparse = variations.drop_readings(stream, self.rng)
             fitting.append(replace(sparse, scenario=f"{stream.scenario}, some readings absent"))
         if not fitting:
             raise CheckFailed("; ".join(reasons[::2]))  # the scenarios come in pairs
@@ -247,7 +239,7 @@ class Harness:
 
     def arrays(self, stream: Stream) -> dict[str, str]:
         """Return the channels of a stream that the estimator reads, each with its name in `Stream.arrays`."""
-        return {c: _name_of_array(c) for c in sorted(select_channels(self.name, self.estimator.uses, stream))}
+        return {c: variations.name_of_array(c) for c in sorted(select_channels(self.name, self.estimator.uses, stream))}
 
     def run(self, stream: Stream, when: str, estimator: Any = None, watch: Watcher | None = None) -> RunRecord:
         """Run the estimator, or another in its place, on a stream; `when` names the variation: "no packet arrived"."""
@@ -318,109 +310,6 @@ def require_none(bad: Mask, stream: Stream, fault: str) -> None:
         raise CheckFailed(f"robot {robot}{fault}: {stream.scenario!r}, trial {stream.trial[trial]}, tick {tick}")
 
 
-# Variations of a stream. Hidden readings find what perturbed ones cannot: an estimator that branches on whether *any*
-# robot sensed something.
-
-MODES = ("perturbed", "hidden")
-# Perturbed where others are hidden: a filter can do without a correction, but hardly without a prior or a clock.
-NEVER_HIDDEN = ("prior.x", "prior.P", "senses.dt", "senses.odometry")
-SHIFT = np.array([3.0, -7.0])  # [m]
-QUARTER = np.array([[0.0, -1.0], [1.0, 0.0]])  # an arena has sides along the axes: it turns by right angles
-
-
-def _name_of_array(channel: str) -> str:
-    """Return the name that a channel's readings have in `Stream.arrays`."""
-    if channel.startswith("radio_"):
-        return channel.replace("radio_", "air.")
-    return f"senses.{channel}" if channel in SENSED else f"extra.{channel}"
-
-
-def hide(stream: Stream, *names: str) -> Stream:
-    """Hide every reading of these arrays."""
-    return stream.replace_arrays({name: np.full_like(stream.arrays()[name], np.nan) for name in names})
-
-
-def _can_be_absent(stream: Stream) -> dict[str, Array]:
-    """Return the arrays of a stream that a filter can do without."""
-    return {name: array for name, array in stream.arrays().items() if name not in (*NEVER_HIDDEN, "air.link")}
-
-
-def drop_readings(stream: Stream, rng: np.random.Generator) -> Stream:
-    """Hide two in five readings in every third tick, and all in tick 4: the checks need absent readings."""
-    tick, changed = np.arange(len(stream.time))[None, :, None, None], {}
-    for name, array in _can_be_absent(stream).items():
-        gone = (tick % 3 == 1) & (rng.uniform(size=array.shape[:4]) < 0.4) | (tick == 4)
-        changed[name] = np.where(_expand(gone, array), np.nan, array)
-    return stream.replace_arrays(changed)
-
-
-def perturb_readings(
-    stream: Stream, mode: str, rng: np.random.Generator, robot: int | None = None, since: int = 0
-) -> Stream:
-    """Perturb or hide what `robot` (None: every robot) senses from tick `since` on, and with since=0 its prior too."""
-    robots = np.ones(stream.robots, bool) if robot is None else np.arange(stream.robots) == robot
-    ticks = np.arange(len(stream.time)) >= since
-    changed = {}
-    for name, array in stream.arrays().items():
-        if name != "air.link":
-            where = robots[None] & (since == 0) if name.startswith("prior.") else ticks[None, :, None] & robots
-            changed[name] = np.where(_expand(where, array), _perturb(name, array, mode, rng), array)
-    return stream.replace_arrays(changed)
-
-
-def _perturb(name: str, array: Array, mode: str, rng: np.random.Generator) -> Array:
-    """Return other readings: no negative distances and no angles beyond pi, as no sensor reads them."""
-    if mode == "hidden" and name not in NEVER_HIDDEN:
-        return np.full_like(array, np.nan)
-    if name in ("prior.P", "senses.dt"):  # stays a covariance, stays positive
-        return array * _expand(rng.uniform(0.8, 1.2, array.shape[: 2 if name == "prior.P" else 3]), array)
-    # Small changes pass every gate, large ones cross every threshold.
-    changed: Array = array + 10.0 ** rng.uniform(-2, 0.5, array.shape) * rng.normal(size=array.shape)
-    if name in ("senses.landmark", "senses.sighting"):
-        return np.stack([np.abs(changed[..., 0]), wrap(changed[..., 1])], -1)
-    return np.abs(changed) if name == "air.range" else wrap_heading(changed) if name == "prior.x" else changed
-
-
-def drop_packets(stream: Stream, sender: int | None = None, since: int = 0) -> Stream:
-    """Drop every packet of `sender` (None: of any robot) from tick `since` on."""
-    link: Any = stream.air.link.copy()
-    link[:, since:, :, slice(None) if sender is None else sender] = False
-    return stream.replace_arrays({"air.link": link})
-
-
-def _expand(lead: Array | Mask, array: Array) -> Array | Mask:
-    """Return `lead` with trailing axes of length one, so that it broadcasts over `array`."""
-    return lead.reshape(*lead.shape, *(1,) * (array.ndim - lead.ndim))
-
-
-def move_world(stream: Stream, turn: Array, roll: int) -> Stream:
-    """Return the same readings in a world that is turned, then shifted; its anchors are renumbered by `roll`."""
-    (x, P), senses, w = move_belief(stream.prior, turn), stream.senses, stream.world
-    changed = {"prior.x": x, "prior.P": P, "senses.anchor_rssi": np.roll(senses.anchor_rssi, -roll, axis=-1)}
-    if isinstance(w.motion, Displacement):
-        changed["senses.odometry"] = senses.odometry @ turn.T
-    if x.shape[-1] == 2:  # a compass: a bearing is against the x axis
-        for name in ("landmark", "sighting"):
-            z = getattr(senses, name)
-            changed[f"senses.{name}"] = np.stack([z[..., 0], wrap(z[..., 1] + _angle(turn))], -1)
-    corners, anchors, landmarks = (places @ turn.T + SHIFT for places in (w.arena, w.anchors, w.landmarks))
-    arena, anchors = np.array([corners.min(0), corners.max(0)]), np.roll(anchors, -roll, axis=0)
-    return replace(stream.replace_arrays(changed), world=replace(w, arena=arena, anchors=anchors, landmarks=landmarks))
-
-
-def move_belief(belief: Belief, turn: Array) -> Belief:
-    """Return a belief in a world that is turned, then shifted."""
-    x, J = belief.x.copy(), np.eye(belief.x.shape[-1])
-    x[..., :2] = x[..., :2] @ turn.T + SHIFT
-    x[..., 2:] = wrap(x[..., 2:] + _angle(turn))
-    J[:2, :2] = turn
-    return Belief(x, J @ belief.P @ J.T)
-
-
-def _angle(turn: Array) -> Any:
-    return np.arctan2(turn[1, 0], turn[0, 0])
-
-
 # The checks. All but equivariance compare bitwise.
 
 
@@ -472,10 +361,11 @@ def causality(harness: Harness) -> str:
     for stream, base in harness.cases:
         last = len(stream.time)
         for k in (last // 4, 2 * last // 3):
-            for mode in MODES:
-                other = perturb_readings(stream, mode, harness.rng, since=k + 1)
+            for mode in variations.MODES:
+                other = variations.perturb_readings(stream, mode, harness.rng, since=k + 1)
                 harness.require_same(base, other, f"readings after tick {k} were {mode}", ticks=k + 1)
-            harness.require_same(base, drop_packets(stream, since=k + 1), f"links were cut after tick {k}", ticks=k + 1)
+            cut = variations.drop_packets(stream, since=k + 1)
+            harness.require_same(base, cut, f"links were cut after tick {k}", ticks=k + 1)
             harness.require_same(base, stream.first_ticks(k + 1), f"the stream ended after tick {k}")
     return "future readings were perturbed and hidden, links and the stream cut off: nothing before them changed"
 
@@ -487,7 +377,7 @@ def link_honesty(harness: Harness) -> str:
     for stream, _ in harness.team_cases:
         since = len(stream.time) // 3
         for robot in range(stream.robots):
-            cut = drop_packets(stream, robot, since)
+            cut = variations.drop_packets(stream, robot, since)
             base = harness.run(cut, f"no packet of robot {robot} arrived from tick {since} on")
             while_dropped = f"from tick {since} on while all its packets were dropped"
             _require_others_same(harness, base, robot, while_dropped, since=since)
@@ -498,9 +388,9 @@ def _require_others_same(
     harness: Harness, base: RunRecord, robot: int, meanwhile: str, watch: Watcher | None = None, since: int = 0
 ) -> None:
     """Perturb and hide one robot's readings from tick `since` on: no other robot's result may change."""
-    for mode in MODES:
+    for mode in variations.MODES:
         when = f"robot {robot}'s readings were {mode} {meanwhile}"
-        other = perturb_readings(base.stream, mode, harness.rng, robot, since)
+        other = variations.perturb_readings(base.stream, mode, harness.rng, robot, since)
         require_equal(base, harness.run(other, when, watch=watch), when, np.arange(base.stream.robots) != robot)
 
 
@@ -518,7 +408,8 @@ def non_interference(harness: Harness) -> str:
 
     for stream, _ in [] if harness.centralised else harness.team_cases:
         # the runner carries no packets for a team, which is to be silent instead
-        alone = harness.run(drop_packets(stream) if harness.traits.team else stream, "it ran again", watch=record)
+        quiet = variations.drop_packets(stream) if harness.traits.team else stream
+        alone = harness.run(quiet, "it ran again", watch=record)
         for robot in range(stream.robots):
             _require_others_same(harness, alone, robot, "while the mail stayed as it was", watch=replay)
     for stream, base in harness.cases:
@@ -578,8 +469,8 @@ def nan_safety(harness: Harness) -> str:
 def covariance(harness: Harness) -> str:
     """Require covariances that are symmetric, and without a negative variance, of perturbed readings too."""
     for stream in harness.streams:
-        for mode in MODES:
-            harness.run(perturb_readings(stream, mode, harness.rng), f"readings were {mode}")
+        for mode in variations.MODES:
+            harness.run(variations.perturb_readings(stream, mode, harness.rng), f"readings were {mode}")
     return f"P was symmetric and positive semidefinite to {ROUNDING:g} of its largest entry at every tick"
 
 
@@ -596,7 +487,7 @@ def silence(harness: Harness) -> str:
         raise CheckSkipped("it declares no odometry, so where it goes without other readings is its own affair")
     quietly = "nothing was sensed but odometry and no packet arrived"
     for stream in moving:
-        quiet = drop_packets(hide(stream, *_can_be_absent(stream)))
+        quiet = variations.drop_packets(variations.hide(stream, *variations.can_be_absent(stream)))
         found, dead = harness.run(quiet, quietly).trace, trace("dead-reckoning", make("dead-reckoning"), quiet)
         stated, variance = (P[..., 0, 0] + P[..., 1, 1] for P in (found.P, dead.P))
         growth = np.sqrt(np.maximum(variance - variance[:, :1], 0.0))
@@ -642,7 +533,7 @@ def _find_used(harness: Harness, stream: Stream, channels: set[str]) -> set[str]
     for channel, name in harness.arrays(stream).items():
         array = stream.arrays()[name]
         perturbed = stream.replace_arrays({name: array + 0.1 * harness.rng.normal(size=array.shape)})
-        if channel in channels and any(harness.differs(base, s) for s in (perturbed, hide(stream, name))):
+        if channel in channels and any(harness.differs(base, s) for s in (perturbed, variations.hide(stream, name))):
             found.add(channel)
     return found
 
@@ -656,17 +547,17 @@ def equivariance(harness: Harness) -> str:
     if not harness.deterministic:
         raise CheckSkipped("it draws random numbers, which do not turn with the world")
     axes = harness.traits.axes
-    turn, moved = (np.eye(2), "shifted") if axes else (QUARTER, "turned by 90 degrees and shifted")
+    turn, moved = (np.eye(2), "shifted") if axes else (variations.QUARTER, "turned by 90 degrees and shifted")
     for stream, base in harness.cases:
         if stream.senses.extra or not isinstance(stream.world.motion, Displacement | Unicycle):
             raise CheckSkipped("it is not known how this scenario's channels or odometry turn with the world")
-        expected = move_belief(Belief(base.trace.x, base.trace.P), turn)
+        expected = variations.move_belief(Belief(base.trace.x, base.trace.P), turn)
         try:  # some estimators take the anchors one by one, some want the corners in order
-            _require_close(harness, expected, move_world(stream, turn, roll=0), f"the world was {moved}")
+            _require_close(harness, expected, variations.move_world(stream, turn, roll=0), f"the world was {moved}")
         except CheckFailed:
             if axes:
                 raise
-            _require_close(harness, expected, move_world(stream, turn, roll=1), f"the world was {moved}")
+            _require_close(harness, expected, variations.move_world(stream, turn, roll=1), f"the world was {moved}")
     left = f"; not turned, as {axes}" if axes else ""
     return f"the world was {moved}: the estimates followed to {TOLERANCE:.0%} of a standard deviation{left}"
 
@@ -706,6 +597,4 @@ REMEDIES: dict[Callable[[Harness], str], str] = {
     equivariance: "take positions and directions only from the prior, the world and the readings; where the method "
     "itself lies along the axes, as sigma points and grids do, say so: axes = 'its sigma points lie along the axes'",
 }
-
-
 CHECKS = {check.__name__.replace("_", "-"): check for check in REMEDIES}  # in the order in which they run

@@ -7,6 +7,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -17,20 +18,8 @@ from cooploc.estimators.adapters import Adapter
 from cooploc.estimators.building import ConfiguredEstimator, adapt, is_plain
 from cooploc.estimators.errors import BadInput, message
 from cooploc.estimators.interface import Array, Indices, Rows
-from cooploc.scenarios import BUILTIN as BUILTIN_SCENARIOS
-from cooploc.scenarios import resolve, seeds
-from cooploc.scenarios.display import list_table
-from cooploc.scenarios.process import (
-    BUILTIN,
-    PATIENCE,
-    PLUGINS,
-    SESSION,
-    WorkerError,
-    call,
-    limit_time,
-    submit,
-    wait_for,
-)
+from cooploc.scenarios import BUILTIN, process, resolve, seeds
+from cooploc.scenarios.process import PATIENCE, PLUGINS, SESSION, WorkerError, call, limit_time, submit, wait_for
 from cooploc.scenarios.runner.tick import EstimatorError, IncompatibleEstimator
 from cooploc.scenarios.runner.trace import Trace, require_fit, trace, warm_up
 from cooploc.scenarios.scenario import ResolvedScenario
@@ -79,11 +68,13 @@ class Run:
         return list_table(header, title, rows)
 
     def to_xarray(self, truth: Truth | None = None) -> "Dataset":
-        """Return every trace in one xarray.Dataset, with units, which `to_netcdf` writes to a file.
+        """Return every trace in one xarray.Dataset, with units as CF writes them, which `to_netcdf` writes to a file.
 
-        Variables: the estimates `x` and their covariances `P`, `messages`, `bytes` and `seconds` of computing; with the
-        truth also `truth` and `error`, the distance [m] of every estimate from it, nan where it is not known. The
-        coordinate `time` is in seconds.
+        Variables: the estimates `x` and their covariances `P`, whose columns have the axis `other_axis`; `messages`,
+        `bytes` and `seconds` of computing; what an estimator counted as "note: NAME"; with the truth also `truth` and
+        `error`, the distance [m] of every estimate from it, nan where it is not known. The coordinate `time` is in
+        seconds; where axes differ in their units, `unit` has that of each axis. What netCDF 3 cannot keep is written
+        otherwise: a large seed as text, a flag as 0 or 1.
 
         Args:
             truth: of the same stream as the run.
@@ -92,9 +83,14 @@ class Run:
             BadInput: the run has no estimators, or the truth is that of another stream.
 
         """
-        from cooploc.scenarios.runner.to_xarray import dataset  # xarray takes long to import
+        return _dataset(self, truth)
 
-        return dataset(self, truth)
+
+def list_table(header: tuple[str, ...], title: str, rows: Iterable[tuple[object, ...]]) -> str:
+    """Return a table for notebooks in HTML: a caption, and lines under a header, with everything escaped."""
+    head = "".join(f"<th>{escape(name)}</th>" for name in header)
+    body = "".join(f"<tr>{''.join(f'<td>{escape(str(cell))}</td>' for cell in row)}</tr>" for row in rows)
+    return f'<table><caption style="text-align:left">{escape(title)}</caption><tr>{head}</tr>{body}</table>'
 
 
 def run(estimators: Any, stream: Stream, jobs: int = 1, isolate: bool = True, time_limit: float = TIME_LIMIT) -> Run:
@@ -143,7 +139,7 @@ def run(estimators: Any, stream: Stream, jobs: int = 1, isolate: bool = True, ti
     traces = {}
     for name, one in given.items():
         if name in plugins or count > 1:
-            traces[name] = trace_in_process(plugins.get(name, PluginJob(name, one, math.inf, BUILTIN)), chunks)
+            traces[name] = trace_in_process(plugins.get(name, PluginJob(name, one, math.inf, process.BUILTIN)), chunks)
             continue
         if name not in unchecked:
             warm_up(name, one, stream)
@@ -261,7 +257,7 @@ def find_misfits(
 
     With `isolate`, what is not built in is tried in a process of its own: a crash there is a failure of its trials.
     """
-    if isolate and scenario.name not in BUILTIN_SCENARIOS:
+    if isolate and scenario.name not in BUILTIN:
         labels = [one.label for one in estimators]
         with suppress(WorkerError):
             return dict(call(PLUGINS, _find_misfits_of_labels, scenario.label, scenario.data, labels, seed))
@@ -306,3 +302,65 @@ def _concatenate(traces: list[Trace]) -> Trace:
     parts: dict[str, Any] = {name: np.concatenate([getattr(t, name) for t in traces]) for name in names}
     parts["notes"] = {name: np.concatenate([t.notes[name] for t in traces]) for name in notes}
     return replace(traces[0], **parts, seconds=sum(t.seconds for t in traces))
+
+
+# A run with labelled axes, for `Run.to_xarray`.
+
+AXES, UNITS = ("x", "y", "heading"), ("m", "m", "rad")
+BELIEF = ("estimator", "trial", "tick", "robot", "axis")
+COUNT = ("estimator", "trial", "robot")
+LARGEST = 2**31  # above which netCDF 3 has no whole numbers
+
+
+def _dataset(run: Run, truth: Truth | None) -> "Dataset":
+    from xarray import Dataset  # late, as it takes long to import
+
+    traces = list(run.traces.values())
+    if not traces:
+        raise BadInput("this run has no estimators, so there is nothing to put into a dataset: run some")
+    _, ticks, robots, d = traces[0].x.shape
+    metres, absent = "m" * (d == 2), np.full_like(traces[0].messages, np.nan)
+    variables: dict[str, Any] = {} if truth is None else _errors(run, truth)
+    for name, axes, about, units in (
+        ("x", BELIEF, "estimate", metres),
+        ("P", (*BELIEF, "other_axis"), "its covariance", metres and "m2"),
+        ("messages", COUNT, "messages sent", "1"),
+        ("bytes", COUNT, "bytes sent", "byte"),
+        ("seconds", COUNT[:1], "computing time", "s"),
+        ("centralised", COUNT[:1], "all readings reach one computer", ""),
+        ("bound", COUNT[:1], "bounds all other estimators", ""),
+    ):
+        variables[name] = axes, np.stack([getattr(t, name) for t in traces]), _about(about, units)
+    for name in dict.fromkeys(name for t in traces for name in t.notes):
+        variables[f"note: {name}"] = COUNT, np.stack([t.notes.get(name, absent) for t in traces])
+    coordinates = {
+        "estimator": list(run.traces),
+        "trial": run.trial,
+        "tick": np.arange(ticks),
+        "robot": np.arange(robots),
+        "axis": list(AXES[:d]),
+        "other_axis": list(AXES[:d]),
+        "unit": ("axis", list(UNITS[:d]), _about("unit of an axis")),
+        "stream": ("trial", list(run.hashes), _about("hash of the trial's stream")),
+        **({} if run.time is None else {"time": ("tick", run.time, _about("end of the tick", "s"))}),
+    }
+    seed = run.seed if run.seed < LARGEST else str(run.seed)
+    return Dataset(variables, coordinates, {"scenario": run.scenario, "seed": seed})
+
+
+def _errors(run: Run, truth: Truth) -> dict[str, Any]:
+    """The truth, and how far each estimate is from it."""
+    if truth.origin != run.hashes:
+        raise BadInput(f"this truth ({truth.scenario}) is not the run's ({run.scenario}): simulate it again")
+    d = next(iter(run.traces.values())).x.shape[-1]
+    known = np.where(truth.valid[..., None], truth.x, np.nan)
+    known = np.concatenate([known, np.full((*known.shape[:-1], max(0, d - known.shape[-1])), np.nan)], -1)[..., :d]
+    far = [np.hypot(*np.moveaxis(trace.x[..., :2] - known[..., :2], -1, 0)) for trace in run.traces.values()]
+    return {
+        "truth": (BELIEF[1:], known, _about("true pose", "m" if d == 2 else "")),
+        "error": (BELIEF[:-1], np.stack(far), _about("distance of the estimate from the true position", "m")),
+    }
+
+
+def _about(name: str, units: str = "") -> dict[str, str]:
+    return {"long_name": name, "units": units} if units else {"long_name": name}

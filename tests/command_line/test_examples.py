@@ -12,8 +12,9 @@ from cooploc.estimators import make
 from cooploc.estimators.interface import Belief, Senses
 from cooploc.estimators.models import LogDistance
 from cooploc.scenarios import simulate
-from cooploc.scenarios.conformance import CHECKS, check_estimator, drop_readings
+from cooploc.scenarios.conformance import CHECKS, check_estimator
 from cooploc.scenarios.runner.trace import trace
+from cooploc.scenarios.variations import drop_readings
 
 FOLDER = Path(__file__).resolve().parents[2] / "examples"
 COMPILED = pytest.param("numba_kernel.py:Compiled", marks=pytest.mark.slow)

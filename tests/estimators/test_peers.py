@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 import cooploc as cl
-from cooploc.scenarios.conformance import check_estimator, drop_readings
+from cooploc.scenarios.conformance import check_estimator
 from cooploc.scenarios.runner.trace import trace
+from cooploc.scenarios.variations import drop_readings
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # of the libraries, when they are imported
 FOLDER = Path(__file__).resolve().parents[2] / "benchmarks" / "peers"

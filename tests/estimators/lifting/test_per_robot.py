@@ -10,9 +10,10 @@ from cooploc.estimators import make
 from cooploc.estimators.adapters import PerRobot, mail_of, parse_belief, senses_of
 from cooploc.estimators.interface import Belief, Mail, Senses
 from cooploc.scenarios import simulate
-from cooploc.scenarios.conformance import CHECKS, check_estimator, drop_readings
+from cooploc.scenarios.conformance import CHECKS, check_estimator
 from cooploc.scenarios.runner.tick import EstimatorError
 from cooploc.scenarios.runner.trace import trace
+from cooploc.scenarios.variations import drop_readings
 
 
 class RadioLoop:

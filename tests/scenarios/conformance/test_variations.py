@@ -5,7 +5,7 @@ import pytest
 from oracles import linear_team
 
 from cooploc.estimators import make
-from cooploc.scenarios import conformance, simulate
+from cooploc.scenarios import conformance, simulate, variations
 
 
 @pytest.fixture(params=["robots-1-3/n=3", "camera", "linear"])
@@ -15,10 +15,10 @@ def stream(request):
     return simulate(request.param, trials=2, ticks=8, drop=0.3)[1]
 
 
-@pytest.mark.parametrize("mode", conformance.MODES)
+@pytest.mark.parametrize("mode", variations.MODES)
 @pytest.mark.parametrize("since", [0, 3])
 def test_only_the_readings_of_that_robot_and_time_are_perturbed(stream, mode, since):
-    after = conformance.perturb_readings(stream, mode, np.random.default_rng(0), 1, since)
+    after = variations.perturb_readings(stream, mode, np.random.default_rng(0), 1, since)
     for name, a in stream.arrays().items():
         b = after.arrays()[name]
         differs = ~((a == b) | ((a != a) & (b != b)))
