@@ -14,30 +14,11 @@ import numpy as np
 
 from cooploc.estimators.errors import BadInput, nearest
 from cooploc.estimators.interface import Array
-from cooploc.scenarios.recordings import schema
-from cooploc.scenarios.recordings.bag_storage import (
-    ENDINGS,
-    KINDS,
-    POSE,
-    TWIST,
-    Bag,
-    Row,
-    bag_paths,
-    open_bag,
-    stamp_of,
-    storage_files,
-)
+from cooploc.scenarios.recordings import bag_storage, schema, team_log
+from cooploc.scenarios.recordings.bag_storage import KINDS, POSE, TWIST, Bag, Row
 from cooploc.scenarios.recordings.schema import UNITS, TeamDescription
 from cooploc.scenarios.recordings.sqlite_recovery import recover
-from cooploc.scenarios.recordings.team_log import (
-    Kind,
-    Measured,
-    Series,
-    TeamLog,
-    build_log,
-    order_series,
-    reading_tables,
-)
+from cooploc.scenarios.recordings.team_log import Kind, Measured, Series, TeamLog, order_series, reading_tables
 from cooploc.scenarios.recordings.text_files import LARGEST
 
 LATEST = 2**62  # [ns] in the year 2116: later times of receipt are damaged
@@ -59,7 +40,7 @@ def read_content(path: Path, wanted: Collection[str] | None) -> Content:
     """Read all messages of the topics in `wanted`; or of all topics (None) only when they were received."""
     topics: dict[str, Topic] = {}
     warnings: list[str] = []
-    for found, told in (part for bag in bag_paths(path) for part in _parts(bag, wanted)):
+    for found, told in (part for bag in bag_storage.bag_paths(path) for part in _parts(bag, wanted)):
         warnings += told
         for name, topic in found.items():
             known = topics.setdefault(name, Topic(topic.type, [], [], []))
@@ -77,12 +58,12 @@ def _parts(bag: Path, wanted: Collection[str] | None) -> list[Content]:
         for log in bag.parent.glob(f"{bag.name}-wal") if bag.is_file() else bag.glob("*-wal"):
             if log.stat().st_size:
                 raise BadInput(f"{log.name} has more, of a killed recorder; `sqlite3 {log.name[:-4]} vacuum` adds it")
-        with open_bag(bag) as whole:
+        with bag_storage.open_bag(bag) as whole:
             return [_collect(whole, wanted)]
     except Exception as e:  # rosbags raises whatever its parsers raise on damaged files
         reason = " ".join(f"{e}".split()).replace(f"{bag}/", "").replace(f"{bag.parent}/", "")[:200] or type(e).__name__
     found, lost = list[Content](), list[str]()
-    for file in storage_files(bag):
+    for file in bag_storage.storage_files(bag):
         try:
             recovered, warning = recover(file, reason)
             found += [_collect(recovered, wanted), ({}, [warning])]
@@ -105,7 +86,7 @@ def _collect(bag: Bag, wanted: Collection[str] | None) -> Content:
                 raise ValueError
             if wanted is not None:
                 message = bag.decode(raw, topic.type)
-                stamp, rows = stamp_of(message), KINDS[topic.type].rows(message)
+                stamp, rows = bag_storage.stamp_of(message), KINDS[topic.type].rows(message)
                 topic.stamps.append(stamp)
                 topic.rows.append(rows)
             topic.received.append(time)
@@ -234,11 +215,11 @@ def find_runs(data: Path, description: TeamDescription) -> dict[str, Path]:
         return {data.resolve().name: data}
     found: dict[str, Path] = {}
     for path in sorted(data.iterdir()):
-        holds = path.is_dir() and any(inside.suffix in ENDINGS for inside in path.rglob("*"))
-        if holds or (path.is_file() and path.suffix in ENDINGS):
+        holds = path.is_dir() and any(inside.suffix in bag_storage.ENDINGS for inside in path.rglob("*"))
+        if holds or (path.is_file() and path.suffix in bag_storage.ENDINGS):
             found[path.name if holds or path.stem in found else path.stem] = path
     if not found:
-        raise BadInput(f"{data}: no bag here; it needs files that end with {', '.join(ENDINGS)}")
+        raise BadInput(f"{data}: no bag here; it needs files that end with {', '.join(bag_storage.ENDINGS)}")
     return found
 
 
@@ -314,4 +295,4 @@ def read_run(place: Path, name: str, description: TeamDescription) -> TeamLog:
         if not there:
             names = readings_table.topic or ", ".join(readings_table.topics.values())
             warnings.append(f"{place}: none of the topics {names} is in the bag")
-    return build_log(place, name, d, series["odometry"], series["truth"], readings, warnings)
+    return team_log.build_log(place, name, d, series["odometry"], series["truth"], readings, warnings)

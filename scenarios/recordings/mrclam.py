@@ -20,19 +20,10 @@ from pydantic import BaseModel, ConfigDict, Field
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Belief, Mask, World
 from cooploc.estimators.models import Sighting, Unicycle
+from cooploc.scenarios.recordings import team_log
 from cooploc.scenarios.recordings.sampling import Gaps, Grid, sample_log
 from cooploc.scenarios.recordings.schema import TeamDescription
-from cooploc.scenarios.recordings.team_log import (
-    Measured,
-    Places,
-    ReadingSeries,
-    Series,
-    TeamLog,
-    arena_around,
-    order_series,
-    shift_stamps,
-    split_channels,
-)
+from cooploc.scenarios.recordings.team_log import Measured, Places, Series, TeamLog, arena_around, shift_stamps
 from cooploc.scenarios.recordings.text_files import TextTable, read_table, whole_numbers
 from cooploc.scenarios.stream import Stream, Truth
 from cooploc.scenarios.worlds.radio import Positive
@@ -78,7 +69,7 @@ def read_run(place: Path, name: str, description: TeamDescription | None) -> Tea
     robots = tuple(tables)
 
     def series(table: TextTable, last: bool = False) -> Series:
-        ordered, notes = order_series(table.values[:, 0], table.values[:, 1:], str(table.path), last)
+        ordered, notes = team_log.order_series(table.values[:, 0], table.values[:, 1:], str(table.path), last)
         warnings.extend(notes)
         return ordered
 
@@ -88,7 +79,7 @@ def read_run(place: Path, name: str, description: TeamDescription | None) -> Tea
     for robot, (_, _, table) in tables.items():
         other = [named.get(code, f"barcode {code}") for code in whole_numbers(table, 1, "barcode")]
         measured.append(Measured(table.values[:, 0], [robot] * len(other), other, table.values[:, 2:], str(table.path)))
-    readings, notes = split_channels("sighting", measured, robots, landmarks)
+    readings, notes = team_log.split_channels("sighting", measured, robots, landmarks)
     places, none = Places(landmarks, surveyed.values[:, 1:3]), Places((), np.empty((0, 2)))
     return TeamLog(name, robots, "velocity", odometry, truth, readings, places, none, (*lost, *warnings, *notes))
 
@@ -153,7 +144,7 @@ class Mrclam(BaseModel):
                 f"scenario {label!r} is a recording and has one trial, 0, not {list(trials)}; ask for trials=1"
             )
         log, (t0, ticks), n, i = self.log, self._span, len(self.log.robots), np.empty(0, np.int64)
-        none, grid = ReadingSeries(np.empty(0), i, i, np.empty((0, 2)), ""), Grid(0.0, self.tick, ticks)
+        none, grid = team_log.ReadingSeries(np.empty(0), i, i, np.empty((0, 2)), ""), Grid(0.0, self.tick, ticks)
         since_t0 = shift_stamps(log._replace(readings={"sighting": none, "landmark": none, **log.readings}), -t0)
         sampled = sample_log(since_t0, grid, Gaps(self.max_gap, np.inf))
         path = sampled.poses[None, 1:]

@@ -13,16 +13,8 @@ import numpy as np
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Indices, Senses
 from cooploc.estimators.models import wrap, wrap_heading
-from cooploc.scenarios.recordings.team_log import (
-    READING_COLUMNS,
-    Channel,
-    OdometryKind,
-    ReadingSeries,
-    Series,
-    TeamLog,
-    fixed_places,
-    other_names,
-)
+from cooploc.scenarios.recordings import team_log
+from cooploc.scenarios.recordings.team_log import Channel, OdometryKind, ReadingSeries, Series, TeamLog
 from cooploc.scenarios.stream import Air
 
 
@@ -125,7 +117,7 @@ def poses_at(log: TeamLog, robot: Indices, time: Array, max_gap: float | None = 
 
 def ends(log: TeamLog, channel: Channel, max_gap: float | None = None) -> tuple[Array, Array]:
     """Return the true poses (m, 3) of those who measured, and the places (m, 2) of what they measured."""
-    readings, fixed = log.readings[channel], fixed_places(log, channel)
+    readings, fixed = log.readings[channel], team_log.fixed_places(log, channel)
     here = poses_at(log, readings.robot, readings.time, max_gap)
     if fixed is None:
         return here, poses_at(log, readings.other, readings.time, max_gap)[:, :2]
@@ -229,12 +221,12 @@ def sample_log(
     `scales` (n, 2) are factors of the odometry.
     """
     n, counts = len(log.robots), dict[str, Any]()
-    tables = {c: np.empty((1, grid.ticks, n, 0, len(columns))) for c, columns in READING_COLUMNS.items()}
+    tables = {c: np.empty((1, grid.ticks, n, 0, len(columns))) for c, columns in team_log.READING_COLUMNS.items()}
     for channel, readings in log.readings.items():
         used = alternate_ranges(readings) if channel == "range" else readings
         if channel in bias:
             used = used._replace(values=used.values - bias[channel][used.robot, used.other][:, None])
-        table, counts[channel] = cells(used, grid, n, len(other_names(log, channel)))
+        table, counts[channel] = cells(used, grid, n, len(team_log.other_names(log, channel)))
         tables[channel] = table[None]
     ranges, rssi, anchor_rssi, anchor_range = (
         tables[channel][..., 0] for channel in ("range", "rssi", "anchor_rssi", "anchor_range")
