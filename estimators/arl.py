@@ -16,8 +16,8 @@ from cooploc.estimators.robust import AssumedLoss
 from cooploc.estimators.tunable import tunable
 
 
-@shared.explain
 @dataclass(frozen=True)
+@shared.explain
 class Arl:
     """Particle filter on own readings; sends nothing."""
 
@@ -44,9 +44,6 @@ class Arl:
     correct = shared.correct
     send = send_nothing
     estimate = shared.estimate
-
-    def __post_init__(self) -> None:
-        shared.require_limits(self)
 
     @property
     def consistency(self) -> str:

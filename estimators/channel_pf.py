@@ -46,8 +46,8 @@ class State(NamedTuple):
     heard: Array  # (r, n, 5)  `moved` of each teammate, in its last packet
 
 
-@shared.explain
 @dataclass(frozen=True)
+@shared.explain
 class ChannelPf:
     """Particle filter on own readings; Gaussians are exchanged, less what each link has carried before.
 
@@ -75,9 +75,6 @@ class ChannelPf:
     loss: AssumedLoss = "world"
 
     uses = property(shared.team_channels)
-
-    def __post_init__(self) -> None:
-        shared.require_limits(self)
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
         r, n, own = len(prior.x), world.robots, shared.init(self, prior, world, rows)

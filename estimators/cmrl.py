@@ -22,6 +22,7 @@ import numpy as np
 
 from cooploc.estimators import mixtures, random_numbers
 from cooploc.estimators import particles as shared
+from cooploc.estimators.errors import Limits
 from cooploc.estimators.interface import Array, Belief, Mail, Rows, Senses, World
 from cooploc.estimators.mixtures import density, sample
 from cooploc.estimators.robust import AssumedLoss
@@ -35,8 +36,8 @@ class State(NamedTuple):
     travelled: Array  # (r, n)  since a detection of each teammate was used [m]; inf before the first
 
 
-@shared.explain
 @dataclass(frozen=True)
+@shared.explain
 class Cmrl:
     """Particle filter on own readings, multiplied with a density of each teammate once per meeting.
 
@@ -47,6 +48,7 @@ class Cmrl:
     """
 
     api: ClassVar[int] = 1
+    limits: ClassVar[Limits] = {"samples": (2, 10_000), "apart": (0, 1e9)}
     sends: ClassVar[str] = "a sample of particles"
     consistency: ClassVar[str] = "over-confident, less so than `mrsl-*`: a detection counts once per 2.5 m"
     particles: int = 200
@@ -68,9 +70,6 @@ class Cmrl:
     loss: AssumedLoss = "world"
 
     uses = property(shared.team_channels)
-
-    def __post_init__(self) -> None:
-        shared.require_limits(self, samples=(2, 10_000), apart=(0, 1e9))
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
         return State(shared.init(self, prior, world, rows), np.full((len(prior.x), world.robots), np.inf))

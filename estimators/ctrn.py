@@ -298,8 +298,8 @@ def combine(own: Belief, received: Belief) -> Belief:
 FUSE = {"moments": fuse_by_moments, "message": fuse_by_message, "received": fuse_received}
 
 
-@shared.explain
 @dataclass(frozen=True)
+@shared.explain
 class Ctrn:
     """Particle filter on own readings, covariance intersection with received beliefs.
 
@@ -332,9 +332,6 @@ class Ctrn:
     weights: Literal["cvxpy", "exact"] = "cvxpy"
     criterion: Literal["trace", "det"] = tunable("trace", choices=("trace", "det"))
     loss: AssumedLoss = "world"
-
-    def __post_init__(self) -> None:
-        shared.require_limits(self)
 
     @property
     def uses(self) -> tuple[str, ...]:

@@ -16,14 +16,14 @@ import numpy as np
 
 from cooploc.estimators import kalman
 from cooploc.estimators.covariance_intersection import solve_relative
-from cooploc.estimators.interface import Array, Belief, Mail, Senses
+from cooploc.estimators.interface import Array, Belief, Senses
 from cooploc.estimators.models import AnchorReading
 from cooploc.estimators.robust import AssumedLoss
 from cooploc.estimators.tunable import tunable
 
 
-@kalman.explain
 @dataclass(frozen=True)
+@kalman.explain
 class EkfCi:
     """EKF on own readings, covariance intersection on received beliefs.
 
@@ -49,42 +49,27 @@ class EkfCi:
     init = kalman.start_broadcasting
     predict = kalman.predict_belief
     correct = kalman.correct_belief
+    fuse = kalman.fuse_broadcasts
     estimate = kalman.estimate_belief
-
-    def __post_init__(self) -> None:
-        kalman.require_limits(self)
 
     def send(self, s: kalman.BroadcastState, z: Senses) -> Array:
         """Return x, the upper triangle of P, the sightings: d + d (d + 1) / 2 + 2 n numbers at most."""
         return kalman.Message(s.x, (s.P,), z.sighting).pack()
 
-    def fuse(self, s: kalman.BroadcastState, z: Senses, mail: Mail) -> kalman.BroadcastState:
-        """Intersect with one reading after the other, each linearised at the belief that the last one left."""
-        sent = kalman.Message.unpack(mail.packets, s.x.shape[-1])
-        for pair in kalman.receive(s.world, z, mail, sent.sightings, s.robot):
-            linear = pair.linearise(s.x, sent.x[:, pair.sender])
-            P_j = sent.P[0][:, pair.sender]
-            linear = kalman.soften_pair(pair.sensor, *linear, s.P, P_j)
-            s = self._intersect(s, *linear, P_j, pair.sensor.R)
-        return s
-
-    def _intersect(
-        self, s: kalman.BroadcastState, y: Array, H: Array, H_j: Array, P_j: Array, R: Array
-    ) -> kalman.BroadcastState:
+    def combine(self, belief: Belief, y: Array, H: Array, H_j: Array, P_j: Array, R: Array) -> Belief:
         """x' = x + K y,  P' = (I - K H) P/w  with  K = P/w H' (H P/w H' + H_j P_j/(1-w) H_j' + R)^-1.
 
-        By readings y (r, k) with H (r, k, d), the sender's H_j (r, k, e) and P_j (r, e, e), and R (k, k). Gated by the
-        S of independent robots, twice as wide: a true reading passes whatever the correlation.
+        Gated by the S of independent robots, twice as wide: a true reading passes whatever the correlation.
         """
         rows = np.flatnonzero(~(np.isnan(y).any(-1) | np.isnan(P_j).any((-2, -1))))
-        S = H[rows] @ s.P[rows] @ H[rows].mT + H_j[rows] @ P_j[rows] @ H_j[rows].mT + R
+        S = H[rows] @ belief.P[rows] @ H[rows].mT + H_j[rows] @ P_j[rows] @ H_j[rows].mT + R
         rows = rows[kalman.distance(y[rows], S) <= 2 * self.gate]
         if rows.size == 0:
-            return s
-        x, P, y, H, H_j, P_j = (part[rows] for part in (s.x, s.P, y, H, H_j, P_j))
+            return belief
+        x, P, y, H, H_j, P_j = (part[rows] for part in (*belief, y, H, H_j, P_j))
         block = 2 if self.over == "position" else x.shape[-1]
         w = solve_relative(P, P_j, H, H_j, R, self.criterion, "exact", block).w
         after = kalman.inflated_update(Belief(x, P), y, H, H_j, P_j, R, w, kalman.ENGINES[self.engine].update)
-        x, P = s.x.copy(), s.P.copy()
+        x, P = belief.x.copy(), belief.P.copy()
         x[rows], P[rows] = after
-        return s._replace(x=x, P=P)
+        return Belief(x, P)

@@ -18,6 +18,7 @@ import numpy as np
 
 from cooploc.estimators import kalman
 from cooploc.estimators.ekf_ci import EkfCi
+from cooploc.estimators.errors import Limits
 from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses, World
 from cooploc.estimators.models import AnchorReading, wrap_heading
 from cooploc.estimators.robust import AssumedLoss
@@ -31,8 +32,8 @@ class State(NamedTuple):
     sent: Belief  # x (r, d), P (r, d, d) of the last packet, moved on; nan before the first
 
 
-@kalman.explain
 @dataclass(frozen=True)
+@kalman.explain
 class EkfEventCi:
     """EKF on own readings, covariance intersection on received beliefs, sent only when they have changed enough.
 
@@ -41,6 +42,7 @@ class EkfEventCi:
     """
 
     api: ClassVar[int] = 1
+    limits: ClassVar[Limits] = {"threshold": (0, np.inf)}
     sends: ClassVar[str] = "as `ekf-ci`, when the belief has changed"
     consistency: ClassVar[str] = "conservative by construction"
     anchor_reading: AnchorReading = "doa"
@@ -52,9 +54,6 @@ class EkfEventCi:
     loss: AssumedLoss = "world"
 
     uses = property(kalman.team_channels)
-
-    def __post_init__(self) -> None:
-        kalman.require_limits(self, threshold=(0, np.inf))
 
     @property
     def ci(self) -> EkfCi:

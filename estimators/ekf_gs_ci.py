@@ -22,6 +22,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from cooploc.estimators import kalman
+from cooploc.estimators.errors import Limits
 from cooploc.estimators.interface import Array, Belief, Indices, Mail, Mask, Rows, Senses, Sensor, World
 from cooploc.estimators.models import AnchorReading, fixed_readings, wrap_heading
 from cooploc.estimators.robust import AssumedLoss
@@ -38,8 +39,8 @@ class State(NamedTuple):
     silent: Array  # (r,)  time since it last sent [s]
 
 
-@kalman.explain
 @dataclass(frozen=True)
+@kalman.explain
 class EkfGsCi:
     """EKF of the whole team's positions on each robot, covariance intersection of what the robots broadcast.
 
@@ -52,6 +53,7 @@ class EkfGsCi:
     """
 
     api: ClassVar[int] = 1
+    limits: ClassVar[Limits] = {"weight": (0.01, 1), "drift": (0, np.inf), "period": (0, np.inf)}
     sends: ClassVar[str] = "mean and covariance of the whole team"
     consistency: ClassVar[str] = "conservative, if `drift` is at least the motion"
     anchor_reading: AnchorReading = "doa"
@@ -65,9 +67,6 @@ class EkfGsCi:
     loss: AssumedLoss = "world"
 
     uses = property(kalman.team_channels)
-
-    def __post_init__(self) -> None:
-        kalman.require_limits(self, weight=(0.01, 1), drift=(0, np.inf), period=(0, np.inf))
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
         """Start from the own prior; teammates are anywhere in the arena, until one of them is heard."""

@@ -12,15 +12,16 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from cooploc.estimators import kalman
-from cooploc.estimators.interface import Array
+from cooploc.estimators.errors import Limits
+from cooploc.estimators.interface import Array, Belief
 from cooploc.estimators.inverse_covariance_intersection import combine, harmonic_mean
 from cooploc.estimators.models import AnchorReading
 from cooploc.estimators.robust import AssumedLoss
 from cooploc.estimators.tunable import tunable
 
 
-@kalman.explain
 @dataclass(frozen=True)
+@kalman.explain
 class EkfHmd:
     """EKF on own readings, harmonic mean density of own and received beliefs.
 
@@ -30,6 +31,7 @@ class EkfHmd:
     """
 
     api: ClassVar[int] = 1
+    limits: ClassVar[Limits] = {"weight": (0, 1)}
     sends: ClassVar[str] = "mean, covariance, sightings"
     consistency: ClassVar[str] = "no bound is known"
     anchor_reading: AnchorReading = "doa"
@@ -49,9 +51,7 @@ class EkfHmd:
     fuse = kalman.fuse_broadcasts
     estimate = kalman.estimate_belief
 
-    def __post_init__(self) -> None:
-        kalman.require_limits(self, weight=(0, 1))
-
-    def combine(self, x: Array, P: Array, y: Array, H: Array, N: Array) -> tuple[Array, Array]:
-        """C^-1 = a^-1 + N^-1 - G^-1,  a = H P H',  G = v N + (1 - v) a + v (1 - v) y y'."""
-        return combine(lambda a, b, y, _: harmonic_mean(self.weight, a, b, y), x, P, y, H, N, self.gate)
+    def combine(self, belief: Belief, y: Array, H: Array, H_j: Array, P_j: Array, R: Array) -> Belief:
+        """C^-1 = a^-1 + N^-1 - G^-1,  a = H P H',  N = H_j P_j H_j' + R,  G = v N + (1 - v) a + v (1 - v) y y'."""
+        N = H_j @ P_j @ H_j.mT + R
+        return combine(lambda a, b, y, _: harmonic_mean(self.weight, a, b, y), belief, y, H, N, self.gate)

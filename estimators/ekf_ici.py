@@ -12,15 +12,16 @@ from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 from cooploc.estimators import kalman
-from cooploc.estimators.interface import Array
+from cooploc.estimators.errors import Limits
+from cooploc.estimators.interface import Array, Belief
 from cooploc.estimators.inverse_covariance_intersection import combine, intersection_at_weight, inverse_intersection
 from cooploc.estimators.models import AnchorReading
 from cooploc.estimators.robust import AssumedLoss
 from cooploc.estimators.tunable import tunable
 
 
-@kalman.explain
 @dataclass(frozen=True)
+@kalman.explain
 class EkfIci:
     """EKF on own readings, inverse covariance intersection on received beliefs.
 
@@ -30,6 +31,7 @@ class EkfIci:
     """
 
     api: ClassVar[int] = 1
+    limits: ClassVar[Limits] = {"weight": (0, 1)}
     sends: ClassVar[str] = "mean, covariance, sightings"
     consistency: ClassVar[str] = "a bound where robots share common information alone; else not"
     anchor_reading: AnchorReading = "doa"
@@ -50,11 +52,12 @@ class EkfIci:
     fuse = kalman.fuse_broadcasts
     estimate = kalman.estimate_belief
 
-    def __post_init__(self) -> None:
-        kalman.require_limits(self, weight=(0, 1))
+    def combine(self, belief: Belief, y: Array, H: Array, H_j: Array, P_j: Array, R: Array) -> Belief:
+        """C^-1 = a^-1 + N^-1 - (w a + (1 - w) N)^-1,  a = H P H',  N = H_j P_j H_j' + R.
 
-    def combine(self, x: Array, P: Array, y: Array, H: Array, N: Array) -> tuple[Array, Array]:
-        """C^-1 = a^-1 + N^-1 - (w a + (1 - w) N)^-1,  a = H P H';  the least trace is that of P', as in `ekf-ci`."""
+        The least trace is that of P', as in `ekf-ci`.
+        """
+        N = H_j @ P_j @ H_j.mT + R
         if self.form == "trace":
-            return combine(inverse_intersection, x, P, y, H, N, self.gate)
-        return combine(lambda a, b, y, _: intersection_at_weight(self.weight, a, b, y), x, P, y, H, N, self.gate)
+            return combine(inverse_intersection, belief, y, H, N, self.gate)
+        return combine(lambda a, b, y, _: intersection_at_weight(self.weight, a, b, y), belief, y, H, N, self.gate)

@@ -42,8 +42,8 @@ class State(NamedTuple):
     world: World
 
 
-@kalman.explain
 @dataclass(frozen=True)
+@kalman.explain
 class EkfInterim:
     """Decentralised joint EKF, exact while no message is lost."""
 
@@ -60,9 +60,6 @@ class EkfInterim:
 
     uses = property(kalman.team_channels)
     estimate = kalman.estimate_belief
-
-    def __post_init__(self) -> None:
-        kalman.require_limits(self)
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
         world = kalman.assume(self, world)

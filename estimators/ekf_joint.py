@@ -21,7 +21,7 @@ import numpy as np
 
 from cooploc.estimators import joint_gaussian as joint
 from cooploc.estimators import joint_kernels, kalman, models
-from cooploc.estimators.errors import BadInput
+from cooploc.estimators.errors import BadInput, Limits
 from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses, Sensor, Traffic, World
 from cooploc.estimators.kalman_kernels import add_directions, add_ranges, add_scalars
 from cooploc.estimators.models import AnchorReading, Range, fixed_readings, wrap_heading
@@ -40,8 +40,8 @@ class State(NamedTuple):
     refused: Array  # (t, n)  average share of each robot's readings that the gate refused; with update="batch"
 
 
-@kalman.explain
 @dataclass(frozen=True)
+@kalman.explain
 class EkfJoint:
     """Centralised EKF over all robots. Plain mode: iterations=1, second_order=False, update="sequential".
 
@@ -62,6 +62,10 @@ class EkfJoint:
     """
 
     api: ClassVar[int] = 1
+    limits: ClassVar[Limits] = {
+        **{"iterations": (1, 1000), "lost": (0, 1)},
+        **{"speed": (0, 1000), "turn_rate": (0, 1000), "hold": (0, 1000)},
+    }
     bound: ClassVar[bool] = False
     sends: ClassVar[str] = "every reading"
     consistency: ClassVar[str] = "consistent up to linearisation"
@@ -88,11 +92,6 @@ class EkfJoint:
         """Return the channels, in order of preference."""
         used = kalman.team_channels(self)[: -1 if self.sighting == "none" else None]
         return (*used, "orientation") if self.orientation else used
-
-    def __post_init__(self) -> None:
-        kalman.require_limits(
-            self, iterations=(1, 1000), lost=(0, 1), speed=(0, 1000), turn_rate=(0, 1000), hold=(0, 1000)
-        )
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
         world = kalman.assume(self, world)

@@ -14,8 +14,8 @@ from cooploc.estimators.robust import AssumedLoss
 from cooploc.estimators.tunable import tunable
 
 
-@kalman.explain
 @dataclass(frozen=True)
+@kalman.explain
 class EkfLocal:
     """EKF on odometry and anchors or landmarks; sends nothing."""
 
@@ -34,9 +34,6 @@ class EkfLocal:
     send = send_nothing
     fuse = ignore_mail
     estimate = kalman.estimate_belief
-
-    def __post_init__(self) -> None:
-        kalman.require_limits(self)
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
         return State(prior.x, prior.P, kalman.assume(self, world))

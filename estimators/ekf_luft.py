@@ -34,8 +34,8 @@ class State(NamedTuple):
     world: World
 
 
-@kalman.explain
 @dataclass(frozen=True)
+@kalman.explain
 class EkfLuft:
     """Decentralised EKF with pairwise communication and factored cross terms."""
 
@@ -52,9 +52,6 @@ class EkfLuft:
 
     uses = property(kalman.team_channels)
     estimate = kalman.estimate_belief
-
-    def __post_init__(self) -> None:
-        kalman.require_limits(self)
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
         world = kalman.assume(self, world)

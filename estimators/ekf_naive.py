@@ -10,14 +10,14 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from cooploc.estimators import kalman
-from cooploc.estimators.interface import Array
+from cooploc.estimators.interface import Array, Belief
 from cooploc.estimators.models import AnchorReading
 from cooploc.estimators.robust import AssumedLoss
 from cooploc.estimators.tunable import tunable
 
 
-@kalman.explain
 @dataclass(frozen=True)
+@kalman.explain
 class EkfNaive:
     """EKF on own readings and on received beliefs, which it treats as independent."""
 
@@ -40,9 +40,6 @@ class EkfNaive:
     fuse = kalman.fuse_broadcasts
     estimate = kalman.estimate_belief
 
-    def __post_init__(self) -> None:
-        kalman.require_limits(self)
-
-    def combine(self, x: Array, P: Array, y: Array, H: Array, N: Array) -> tuple[Array, Array]:
-        """S = H P H' + N: the sender's uncertainty counts as noise, independent of the robot's own."""
-        return kalman.ENGINES[self.engine].update(x, P, y, H, N, self.gate)
+    def combine(self, belief: Belief, y: Array, H: Array, H_j: Array, P_j: Array, R: Array) -> Belief:
+        """S = H P H' + H_j P_j H_j' + R: the sender's uncertainty counts as noise, independent of the robot's own."""
+        return Belief(*kalman.ENGINES[self.engine].update(*belief, y, H, H_j @ P_j @ H_j.mT + R, self.gate))

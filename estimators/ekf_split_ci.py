@@ -37,8 +37,8 @@ class State(NamedTuple):
     world: World
 
 
-@kalman.explain
 @dataclass(frozen=True)
+@kalman.explain
 class EkfSplitCi:
     """EKF on own readings, split covariance intersection with received beliefs.
 
@@ -60,9 +60,6 @@ class EkfSplitCi:
     loss: AssumedLoss = "world"
 
     uses = property(kalman.team_channels)
-
-    def __post_init__(self) -> None:
-        kalman.require_limits(self)
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
         world = kalman.assume(self, world)
@@ -122,8 +119,9 @@ class EkfSplitCi:
             joint_kernels.update_split(x, Pd, Pi, reading, own, self.gate, keep, used)
             return s._replace(x=x, Pd=Pd, Pi=Pi), used
         w = np.ones(len(y))
-        if not own:
-            joint_kernels.least_trace(s.Pd, s.Pi, reading, w)
+        for r in () if own else range(len(y)):
+            w[r], helps = joint_kernels.least_trace(s.Pd[r], s.Pi[r], *(part[r] for part in reading[1:]))
+            w[r] = w[r] if helps else np.nan
         y, w = np.where(np.isnan(w)[:, None], np.nan, y), np.where(np.isnan(w), 0.5, w)[:, None, None]
         Pd, Rd = s.Pd / w, np.divide(Rd, 1 - w, out=np.zeros_like(Rd), where=w < 1)
         x, P = kalman.ENGINES[self.engine].update(s.x, Pd + s.Pi, y, H, Rd + Ri, self.gate)

@@ -66,7 +66,10 @@ def message(e: BaseException) -> str:
 # Limits of parameters, so that a slip of the keyboard is refused at once instead of filling the memory for hours.
 
 
-def require(owner: Any, **limits: tuple[float, float]) -> None:
+Limits = Mapping[str, tuple[float, float]]  # the smallest and the largest value of a parameter, by its name
+
+
+def require(owner: Any, limits: Limits) -> None:
     """Refuse parameters outside their limits, both included, by a ValueError; nan is outside of any."""
     for name, (low, high) in limits.items():
         value = getattr(owner, name)

@@ -233,7 +233,7 @@ class Gbp:
     loss: Loss = "huber"
 
     def __post_init__(self) -> None:
-        require(self, window=(1, 1000), iterations=(1, 1000))
+        require(self, {"window": (1, 1000), "iterations": (1, 1000)})
 
     @property
     def uses(self) -> tuple[str, ...]:

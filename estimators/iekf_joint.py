@@ -34,8 +34,8 @@ class State(NamedTuple):
     world: World
 
 
-@kalman.explain
 @dataclass(frozen=True)
+@kalman.explain
 class IekfJoint:
     """Centralised invariant EKF over all robots."""
 
@@ -52,9 +52,6 @@ class IekfJoint:
     loss: AssumedLoss = "world"
 
     uses = property(kalman.team_channels)
-
-    def __post_init__(self) -> None:
-        kalman.require_limits(self)
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
         world = kalman.assume(self, world)

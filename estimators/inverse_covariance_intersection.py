@@ -21,7 +21,7 @@ from collections.abc import Callable
 import numpy as np
 
 from cooploc.estimators.compiled import readable, strict_inlined, strict_kernel
-from cooploc.estimators.interface import Array
+from cooploc.estimators.interface import Array, Belief
 from cooploc.estimators.joint_gaussian import definite
 from cooploc.estimators.kalman import condition, distance, present, symmetric
 
@@ -31,24 +31,25 @@ HALVINGS = 60  # of [0, 1], in search of w
 Rule = Callable[[Array, Array, Array, Array], tuple[Array, Array]]
 
 
-def combine(rule: Rule, x: Array, P: Array, y: Array, H: Array, N: Array, gate: float) -> tuple[Array, Array]:
-    """Update x, P by readings with innovation y (r, k), H (r, k, d) and noise N (r, k, k), with the sender's belief.
+def combine(rule: Rule, belief: Belief, y: Array, H: Array, N: Array, gate: float) -> Belief:
+    """Update beliefs by readings with innovation y (r, k), H (r, k, d) and noise N (r, k, k), with the sender's belief.
 
     M makes tr(M C) the part of tr P' that a rule can change. Rows whose reading is absent (nan) or beyond twice the
     gate, or whose H P H' is singular, come back as they are.
     """
+    x, P = belief
     use = np.flatnonzero(present(y, H, N))
     S = H[use] @ P[use] @ H[use].mT + N[use]
     use = use[distance(y[use], S) <= 2 * gate]
     use = use[definite(H[use] @ P[use] @ H[use].mT)]
     if use.size == 0:
-        return x, P
+        return belief
     x, P, y, H, N = x.copy(), P.copy(), y[use], H[use], N[use]
     a = H @ P[use] @ H.mT
     L = np.linalg.solve(a, H @ P[use]).mT
     fused, C = rule(a, N, y, L.mT @ L)
     x[use], P[use] = condition(x[use], P[use], H, fused, C)
-    return x, P
+    return Belief(x, P)
 
 
 def inverse_intersection(a: Array, b: Array, y: Array, M: Array) -> tuple[Array, Array]:

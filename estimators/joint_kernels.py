@@ -348,8 +348,11 @@ def _trace(U, S, Rd, td, ti, w, C, B):
 
 
 @strict_kernel
-def _least(Pd, Pi, H, Rd, Ri):
-    """Return the weight of one row, and whether it helps."""
+def least_trace(Pd, Pi, H, Rd, Ri):
+    """Return one row's weight w of least tr P'_xy, searched on a grid of logit w, and whether it helps.
+
+    tr P' = tr P1 - tr(M S^-1 M') with P1 = Pd / w + Pi, M = (P1 H')_xy and S = H P1 H' + Rd / (1 - w) + Ri.
+    """
     k, d = H.shape
     U, S, C, B = np.empty((2, d, k)), np.empty((2, k, k)), np.empty((k, k)), np.empty((k, 2))
     for part, P in enumerate((Pd, Pi)):
@@ -372,21 +375,6 @@ def _least(Pd, Pi, H, Rd, Ri):
     gained -= _log_det(1 / w, S[0], 1.0, S[1])
     gained += _log_det(1 / w, Pd, 1.0, Pi) - _log_det(1.0, Pd, 1.0, Pi)
     return w, least < td + ti and gained < 0
-
-
-@strict_kernel
-def least_trace(Pd, Pi, reading, weights):
-    """Write the weight w (r,) of least tr P'_xy, searched on a grid of logit w; nan where it does not help.
-
-    tr P' = tr P1 - tr(M S^-1 M') with P1 = Pd / w + Pi, M = (P1 H')_xy and S = H P1 H' + Rd / (1 - w) + Ri.
-    """
-    y, H, Rd, Ri = reading
-    for r in range(len(Pd)):
-        weights[r] = np.nan
-        if is_known(y[r], H[r], Rd[r]) and is_known(y[r], H[r], Ri[r]):
-            w, helps = _least(Pd[r], Pi[r], H[r], Rd[r], Ri[r])
-            if helps:
-                weights[r] = w
 
 
 @strict_kernel
@@ -429,7 +417,7 @@ def update_split(x, Pd, Pi, reading, own, gate, keep, used):
     for r in range(len(x)):
         used[r] = False
         if is_known(y[r], H[r], Rd[r]) and is_known(y[r], H[r], Ri[r]):
-            w, helps = (1.0, True) if own else _least(Pd[r], Pi[r], H[r], Rd[r], Ri[r])
+            w, helps = (1.0, True) if own else least_trace(Pd[r], Pi[r], H[r], Rd[r], Ri[r])
             if helps:
                 used[r] = split_row(x[r], Pd[r], Pi[r], y[r], H[r], Rd[r], Ri[r], w, gate, keep)
 

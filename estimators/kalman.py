@@ -6,9 +6,8 @@ numpy; `filterpy` runs filterpy's ExtendedKalmanFilter row by row, as a filterpy
 
 import inspect
 from collections.abc import Callable, Iterator
-from dataclasses import fields
-from functools import lru_cache, reduce
-from typing import Any, Literal, NamedTuple, Self, TypeVar
+from functools import lru_cache, partialmethod, reduce
+from typing import Any, Literal, NamedTuple, Self, TypeVar, cast
 
 import numpy as np
 
@@ -47,18 +46,18 @@ MEANINGS = {
 }
 
 
+LIMITS = {"gate": (0, np.inf), "inflation": (models.LEAST, models.MOST)}
+
+
 def explain(cls: C) -> C:
-    """Add `MEANINGS` of a dataclass's fields to its docstring, which `help` shows."""
-    doc = inspect.cleandoc(cls.__doc__ or "")
+    """Add `MEANINGS` of a filter's parameters to its docstring; let it refuse values outside `LIMITS` and its own."""
+    checked, doc = cast(Any, cls), inspect.cleandoc(cls.__doc__ or "")
     heading = "" if "\n\nParameters:\n" in doc else "\n\nParameters:"
-    meanings = (f"\n    {one.name}: {MEANINGS[one.name]}" for one in fields(cls) if one.name in MEANINGS)
-    cls.__doc__ = doc + heading + "".join(meanings)
+    cls.__doc__ = (
+        doc + heading + "".join(f"\n    {name}: {MEANINGS[name]}" for name in cls.__annotations__ if name in MEANINGS)
+    )
+    checked.__post_init__ = partialmethod(require, LIMITS | getattr(cls, "limits", {}))
     return cls
-
-
-def require_limits(p: Any, **limits: tuple[float, float]) -> None:
-    """Raise ValueError where a gate, an inflation, or another parameter is outside its limits."""
-    require(p, gate=(0, np.inf), inflation=(models.LEAST, models.MOST), **limits)
 
 
 def own_channels(p: Any) -> tuple[str, ...]:
@@ -470,13 +469,12 @@ def broadcast(p: Any, s: BroadcastState, z: Senses) -> Array:
 def fuse_broadcasts(p: Any, s: BroadcastState, z: Senses, mail: Mail) -> BroadcastState:
     """Combine one reading after the other, each linearised at the belief that the last one left.
 
-    `p.combine(x, P, y, H, N)` returns x', P' by innovations y (r, k) with H (r, k, d) and N = H_j P_j H_j' + R; rows
-    with a nan come back bit-identical.
+    `p.combine(belief, y, H, H_j, P_j, R)` returns the belief after readings y (r, k) with H (r, k, d) of senders with
+    H_j (r, k, d) and P_j (r, d, d), and R (k, k); rows with a nan come back bit-identical.
     """
-    x, P = s.x, s.P
-    sent = Message.unpack(mail.packets, x.shape[-1])
+    belief, sent = Belief(s.x, s.P), Message.unpack(mail.packets, s.x.shape[-1])
     for pair in receive(s.world, z, mail, sent.sightings, s.robot):
         P_j = sent.P[0][:, pair.sender]
-        y, H, H_j = soften_pair(pair.sensor, *pair.linearise(x, sent.x[:, pair.sender]), P, P_j)
-        x, P = p.combine(x, P, y, H, H_j @ P_j @ H_j.mT + pair.sensor.R)
-    return s._replace(x=x, P=P)
+        linear = soften_pair(pair.sensor, *pair.linearise(belief.x, sent.x[:, pair.sender]), belief.P, P_j)
+        belief = p.combine(belief, *linear, P_j, pair.sensor.R)
+    return s._replace(x=belief.x, P=belief.P)

@@ -49,7 +49,7 @@ class MapJoint:
         return ("odometry", *fixed, "sighting?", *radio)
 
     def __post_init__(self) -> None:
-        require(self, window=(1, 10_000), iterations=(1, 1000))
+        require(self, {"window": (1, 10_000), "iterations": (1, 1000)})
 
     def init(self, prior: Belief, world: World, rows: Rows) -> Window:
         return window.empty(prior, world)

@@ -16,8 +16,8 @@ from cooploc.estimators.robust import AssumedLoss
 from cooploc.estimators.tunable import tunable
 
 
-@shared.explain
 @dataclass(frozen=True)
+@shared.explain
 class Mrsl:
     """Particle filter on own readings, Bayes product with received beliefs.
 
@@ -52,9 +52,6 @@ class Mrsl:
 
     correct = shared.correct
     estimate = shared.estimate
-
-    def __post_init__(self) -> None:
-        shared.require_limits(self)
 
     @property
     def uses(self) -> tuple[str, ...]:

@@ -8,7 +8,8 @@ Source: J. Liu, M. West, "Combined parameter and state estimation in simulation-
 """
 
 from collections.abc import Sequence
-from typing import Any, Literal, NamedTuple, TypeVar
+from functools import partialmethod
+from typing import Any, Literal, NamedTuple, TypeVar, cast
 
 import numpy as np
 
@@ -244,16 +245,18 @@ RadioReading = Literal["rssi", "range"]
 C = TypeVar("C", bound=type)
 
 
+LIMITS = {
+    **{"particles": (2, 1_000_000), "M": (1, 10_000), "K": (1, 10_000), "box": (1e-9, 1e6), "decay": (1e-9, 1)},
+    "inflation": (models.LEAST, models.MOST),
+}
+
+
 def explain(cls: C) -> C:
-    """Add the meaning of the parameters that particle filters share to a class's docstring, which `help` shows."""
+    """Add `PARAMETERS` to a filter's docstring, and let it refuse values outside `LIMITS` and its own."""
+    checked = cast(Any, cls)
     cls.__doc__ = f"{cls.__doc__}{PARAMETERS}"
+    checked.__post_init__ = partialmethod(require, LIMITS | getattr(cls, "limits", {}))
     return cls
-
-
-def require_limits(p: Any, **limits: tuple[float, float]) -> None:
-    """Refuse a parameter that is outside its limits by a ValueError with its name, its value and the limits."""
-    require(p, particles=(2, 1_000_000), M=(1, 10_000), K=(1, 10_000), box=(1e-9, 1e6), decay=(1e-9, 1))
-    require(p, inflation=(models.LEAST, models.MOST), **limits)
 
 
 def own_channels(p: Any) -> tuple[str, ...]:

@@ -19,7 +19,7 @@ import numpy as np
 
 from cooploc.estimators import mixtures, random_numbers
 from cooploc.estimators import particles as shared
-from cooploc.estimators.errors import BadInput
+from cooploc.estimators.errors import BadInput, Limits
 from cooploc.estimators.interface import Array, Belief, Indices, Keys, Mail, Mask, Rows, Senses, Sensor, World
 from cooploc.estimators.mixtures import Mixture, clusters
 from cooploc.estimators.models import LogDistance, Range, Sighting
@@ -33,8 +33,8 @@ FAR = 1e3  # sides of the arena: a broken reading may draw places beyond
 KNOWN = LogDistance, Range, Sighting
 
 
-@shared.explain
 @dataclass(frozen=True)
+@shared.explain
 class ReciprocalPf:
     """Particle filter on own readings; clusters of particles are exchanged, and particles drawn from detections.
 
@@ -46,6 +46,7 @@ class ReciprocalPf:
     """
 
     api: ClassVar[int] = 1
+    limits: ClassVar[Limits] = {"alpha": (0, 1), "clusters": (1, 100)}
     sends: ClassVar[str] = "particles as clusters"
     consistency: ClassVar[str] = "no guarantee: repeated counting narrows it, draws widen it"
     particles: int = 200
@@ -71,9 +72,6 @@ class ReciprocalPf:
     predict = shared.predict
     correct = shared.correct
     estimate = shared.estimate
-
-    def __post_init__(self) -> None:
-        shared.require_limits(self, alpha=(0, 1), clusters=(1, 100))
 
     def init(self, prior: Belief, world: World, rows: Rows) -> shared.FilterState:
         for channel in ("sighting", "radio_rssi", "radio_range"):

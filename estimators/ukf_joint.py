@@ -14,6 +14,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from cooploc.estimators import kalman, models
+from cooploc.estimators.errors import Limits
 from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses, Sensor, Traffic, World
 from cooploc.estimators.joint_gaussian import block_diagonal, definite, square
 from cooploc.estimators.models import AnchorReading, fixed_readings, wrap, wrap_heading
@@ -29,8 +30,8 @@ class State(NamedTuple):
     world: World
 
 
-@kalman.explain
 @dataclass(frozen=True)
+@kalman.explain
 class UkfJoint:
     """Centralised UKF over all robots.
 
@@ -40,6 +41,7 @@ class UkfJoint:
     """
 
     api: ClassVar[int] = 1
+    limits: ClassVar[Limits] = {"alpha": (1e-6, 10), "beta": (0, 10)}
     bound: ClassVar[bool] = False
     sends: ClassVar[str] = "every reading"
     consistency: ClassVar[str] = "consistent up to the unscented transform"
@@ -54,9 +56,6 @@ class UkfJoint:
     loss: AssumedLoss = "world"
 
     uses = property(kalman.team_channels)
-
-    def __post_init__(self) -> None:
-        kalman.require_limits(self, alpha=(1e-6, 10), beta=(0, 10))
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
         world = kalman.assume(self, world)

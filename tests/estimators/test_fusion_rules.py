@@ -14,6 +14,7 @@ from cooploc.estimators.ekf_event_ci import EkfEventCi
 from cooploc.estimators.ekf_hmd import EkfHmd
 from cooploc.estimators.ekf_ici import EkfIci
 from cooploc.estimators.ekf_naive import EkfNaive
+from cooploc.estimators.interface import Belief
 from cooploc.estimators.inverse_covariance_intersection import (
     combine,
     harmonic_mean,
@@ -102,7 +103,7 @@ def test_no_shared_information_makes_inverse_intersection_optimistic(k, rule):
         rows = [part[None] for part in (P, H, N)]
 
         def after(y, rows=rows):
-            return combine(rule, np.zeros((1, 3)), rows[0], y[None], *rows[1:], np.inf)
+            return combine(rule, Belief(np.zeros((1, 3)), rows[0]), y[None], *rows[1:], np.inf)
 
         K = np.stack([after(e)[0][0] for e in np.eye(k)], 1)
         P1 = after(np.zeros(k))[1][0]
