@@ -72,7 +72,6 @@ def test_names_classes_instances_lists_and_mappings_become_instances(given, name
 @pytest.mark.parametrize(
     ("given", "stream", "words"),
     [
-        ("arll", STREAM, "there is no estimator 'arll'; did you mean 'arl'?"),
         (["arl", "arl"], STREAM, "two estimators are called 'arl': give them names, {'arl': ..., 'other': ...}"),
         (Tuned, STREAM, "Tuned cannot be made without arguments (gain is missing): pass an instance, Tuned(...)"),
         ({"mine": Loop}, STREAM, "a filter written for one robot is lifted by cl.PerRobot"),
