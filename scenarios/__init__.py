@@ -128,7 +128,6 @@ def simulate(
 
     Raises:
         BadInput: anything unknown, out of bounds, or missing; one line that says what to do.
-
     """
     if several := [key for key, value in overrides.items() if isinstance(value, set | frozenset)]:
         raise BadInput(f"{several[0]} is a set of values; a stream has one: cl.sweep runs estimators at each of them")
@@ -142,7 +141,6 @@ def resolve(
 
     Raises:
         BadInput: an unknown scenario, variant or parameter, a value that does not fit, or a recording without `data`.
-
     """
     assumed = assumed or {}
     path, written = parse(label)
@@ -167,7 +165,6 @@ def family(name: str) -> Family:
 
     Raises:
         BadInput: there is none, or its plug-in cannot be imported.
-
     """
     found = REGISTRY.find(name)
     if not isinstance(found, Family):

@@ -130,7 +130,6 @@ def check_estimator(
     Raises:
         BadInput: an unknown name, a class that needs arguments, or a seed that is not a whole number of 0 or more. What
             the estimator raises while it runs is a failure in the report.
-
     """
     name = name or label_of(estimator)
     if not isolate or is_builtin(estimator):

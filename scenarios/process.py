@@ -109,7 +109,6 @@ def call(
         ProcessDied: its process died.
         ProcessHung: it took longer than `seconds`, or a trial longer than `limit` [s].
         WorkerError: it raised an exception of a class that is neither Python's nor ours.
-
     """
     return wait_for(owner, submit(owner, 1, function, *arguments), seconds, limit)
 

@@ -160,7 +160,6 @@ class ResolvedScenario:
 
         Raises:
             BadInput: trials or a seed that cannot be, or assumed parameters that would change the readings' shape.
-
         """
         numbers, seed = _trial_numbers(trials), _whole_number(seed, "seed")
         model = self._model_of(numbers)

@@ -131,7 +131,6 @@ class Stream:
 
         Raises:
             BadInput: the world has a model of another package, which a file cannot describe.
-
         """
         w = self.world
         header = {
@@ -152,7 +151,6 @@ class Stream:
 
         Raises:
             BadInput: it is not a stream, is of a newer format, or its content does not have the hashes it states.
-
         """
         try:
             with np.load(path, allow_pickle=False) as file:

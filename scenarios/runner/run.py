@@ -81,7 +81,6 @@ class Run:
 
         Raises:
             BadInput: the run has no estimators, or the truth is that of another stream.
-
         """
         return _dataset(self, truth)
 
@@ -113,7 +112,6 @@ def run(estimators: Any, stream: Stream, jobs: int = 1, isolate: bool = True, ti
         IncompatibleEstimator: an estimator needs a channel that the stream lacks.
         EstimatorError: an estimator returned something of the wrong shape, or not finite; or it took too long, or
             ended its process.
-
     """
     if jobs < 1:
         raise BadInput(f"jobs is {jobs}; it must be at least 1")

@@ -136,7 +136,6 @@ def require_covariances(name: str, stream: Stream, P: Array) -> None:
     Raises:
         EstimatorError: some P (t, T, n, d, d) is not symmetric, or has a negative variance in some direction, by more
             than `ROUNDING` of its largest entry. Zero is allowed: a cloud of particles may collapse.
-
     """
     scale = np.maximum(np.abs(P).max((-2, -1)), NOTHING)
     _refuse(name, "covariance is not symmetric", stream, np.abs(P - P.mT).max((-2, -1)) > ROUNDING * scale)

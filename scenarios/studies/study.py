@@ -235,7 +235,6 @@ def load(which: str, including: tuple[str, ...] = ()) -> Study:
 
     Raises:
         BadInput: there is none, or the file is not a study; says the line or the key.
-
     """
     if which in including:
         raise BadInput(f"study {which!r} includes itself, by way of {' and '.join(including)}: leave one out")
