@@ -10,7 +10,7 @@ from scipy import stats
 import cooploc as cl
 from cooploc.analysis.formats import metres, ratio
 from cooploc.analysis.plot import style
-from cooploc.analysis.report import tuning_tables as tables
+from cooploc.analysis.report import result_tables as tables
 from cooploc.analysis.report.tables import Table, number_column, text_column, words
 
 SHOWN = "ekf-naive"  # the estimator whose parameters are drawn

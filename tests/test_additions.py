@@ -87,7 +87,7 @@ LINES = {  # file -> a line that stands there, and the one that is added before 
         '    return errors.groupby("estimator")["trial"].nunique().plot.bar(ax=ax)\n\n\n',
     ),
     "analysis/plot/__init__.py": (
-        "from cooploc.analysis.plot.studies import information",
+        "from cooploc.analysis.plot.studies import claims",
         "from cooploc.analysis.plot.results import trials_drawn as trials_drawn\n",
     ),
 }

@@ -20,8 +20,8 @@ from scipy import stats
 
 from cooploc.analysis.claims.trial_table import Missing, TrialTable
 from cooploc.analysis.metrics import statistics
+from cooploc.analysis.metrics.compare import sweep
 from cooploc.analysis.metrics.consistency import LEAST_COVERAGE, OVER_CONFIDENT
-from cooploc.analysis.metrics.curves import sweep
 from cooploc.analysis.metrics.sequential import trials_to_exclude
 from cooploc.analysis.metrics.statistics import FIXED, Interval, Stopping
 from cooploc.estimators import nearest

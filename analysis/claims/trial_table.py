@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from cooploc.analysis.metrics.curves import sweep
+from cooploc.analysis.metrics.compare import sweep
 from cooploc.analysis.metrics.errors import TRIAL, drop_failed, trial_means
 from cooploc.analysis.metrics.ranking import is_refused
 from cooploc.analysis.metrics.statistics import FIXED, Stopping

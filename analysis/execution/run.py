@@ -11,8 +11,7 @@ from typing import Any, NamedTuple, Protocol
 
 import pandas as pd
 
-from cooploc.analysis.execution.certificates import add_certificates, check_plugins
-from cooploc.analysis.execution.provenance import fingerprint, plugins, provenance
+from cooploc.analysis.execution.provenance import add_certificates, check_plugins, fingerprint, plugins, provenance
 from cooploc.analysis.execution.run_directory import DECISIONS, FORMAT, Cell, PartKey, RunDir, write_json
 from cooploc.analysis.execution.workers import Task, make_workers
 from cooploc.analysis.formats import count_of, duration

@@ -24,7 +24,7 @@ import pyarrow.parquet as pq
 from filelock import FileLock, Timeout
 from pydantic import ValidationError
 
-from cooploc.analysis.execution.certificates import add_certificates
+from cooploc.analysis.execution.provenance import add_certificates
 from cooploc.analysis.metrics.errors import NOTE
 from cooploc.analysis.metrics.sequential import Decision, looks
 from cooploc.estimators.errors import BadInput, nearest

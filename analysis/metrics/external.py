@@ -1,24 +1,42 @@
-"""Trajectories that were computed elsewhere from a saved stream, judged as ours are.
+"""Trajectories that other programs computed, with their covariances: from a saved stream, or of any recording.
 
-A file is called `trial0-robot2.txt`, or `robot2.txt` where the stream has one trial: one of `trajectory_files`, with a
-pose for each tick at its end, as of `Stream.time` [s]. Where no heading is estimated the quaternion is that of heading
-0, so compare translations: `evo_ape tum truth.txt estimate.txt`. With covariances, consistency (ANEES, coverage) is
-judged, too.
+Those of a stream are judged as ours are. A file is called `trial0-robot2.txt`, or `robot2.txt` where the stream has one
+trial: one of `trajectory_files`, with a pose for each tick at its end, as of `Stream.time` [s]. Where no heading is
+estimated the quaternion is that of heading 0, so compare translations: `evo_ape tum truth.txt estimate.txt`. With
+covariances, consistency (ANEES, coverage) is judged, too.
+
+Those of a recording are judged against true ones in files. Poses and stamps are matched, aligned and their errors taken
+as evo does (M. Grupp, github.com/MichaelGrupp/evo): the nearest stamp counts, up to a largest difference; RPE is that
+of the translation between neighbouring poses.
 """
 
+import hashlib
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import reduce
 from itertools import product
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 
 from cooploc.analysis.metrics.errors import errors
-from cooploc.analysis.metrics.trajectory_files import COVARIANCE, TRUTH, read_files, team_files
+from cooploc.analysis.metrics.statistics import FIXED
+from cooploc.analysis.metrics.trajectory_files import (
+    COVARIANCE,
+    TRUTH,
+    Team,
+    Trajectory,
+    read_files,
+    read_team,
+    team_files,
+)
 from cooploc.estimators import split_labels
-from cooploc.estimators.errors import BadInput
+from cooploc.estimators.errors import BadInput, nearest
+from cooploc.estimators.interface import Array, Indices, Mask
+from cooploc.estimators.models import wrap
 from cooploc.estimators.registry import parse
 from cooploc.scenarios import BUILTIN, simulate
 from cooploc.scenarios.runner.run import Run, run
@@ -177,3 +195,333 @@ def _read_team(folder: Path, stream: Stream) -> Trace:
         name = files[trials[i], int(robot)].stem + COVARIANCE
         raise BadInput(f"{folder}: {name} is missing, and others are there: add it, or remove them")
     return Trace.of(np.ascontiguousarray(x), np.ascontiguousarray(P))
+
+
+# ---- trajectories of any recording, against true ones in files
+
+
+ALIGNMENTS = "none", "origin", "se2", "team"
+AXES = "world", "body"
+GAP = 10  # times the usual step between poses
+STANDING = 0.05  # [m] a robot whose path is no larger does not move
+MIRRORED = 0.3  # a path fits so much better once it is mirrored: its frame is
+BLOCKS = 10  # into which ticks are cut, to see in which axes covariances fit
+
+
+class Matched(NamedTuple):
+    """Trajectories beside the true ones: the poses that every method has, aligned."""
+
+    label: str  # of the truth
+    paths: Mapping[str, Array]  # robot -> (T, 3) true poses
+    teams: Mapping[str, Team]  # method -> robot -> as many poses
+    remarks: tuple[str, ...]
+
+
+def judge_trajectories(
+    truth: str | Path,
+    estimates: Mapping[str, str | Path],
+    align: str = "none",
+    axes: str = "world",
+    pieces: int = 1,
+    largest_difference: float = 0.01,
+) -> tuple[pd.DataFrame, tuple[str, ...]]:
+    """Return errors of trajectories of any program, a row for each robot and piece, and remarks on them.
+
+    Only true poses count that every method has an estimate for, so that all are judged at the same times. Columns are
+    those of `cl.errors`, with the robot's `name`, `rpe` [m] and `heading` [rad], root mean squares; a trial is a piece.
+
+    Args:
+        truth: the folder, or bag, of true trajectories.
+        estimates: by name, each a folder or bag; `trajectory_files` says what a team is.
+        align: each robot's path to the truth by its first pose (`origin`) or by a rotation and a translation of least
+            squares (`se2`), one for the whole `team`, or not at all (`none`).
+        axes: in which covariances are stated: those of the `world`, or of the robot's `body`, x forward.
+        pieces: into so many the recording is cut, as trials from which intervals come; they are not independent.
+        largest_difference: [s] between stamps that belong together.
+
+    Raises:
+        BadInput: a robot has no file, stamps do not meet, a path is mirrored, a covariance is none; says where.
+
+    """
+    found = match_trajectories(Path(truth), estimates, align, axes, largest_difference)
+    return judge_pieces(*in_pieces(found, pieces), list(found.paths)), found.remarks
+
+
+def match_trajectories(
+    truth: Path, estimates: Mapping[str, str | Path], align: str, axes: str, largest: float = 0.01
+) -> Matched:
+    """Return the poses that all methods have beside the true ones, with the arguments of `judge_trajectories`."""
+    for name, value, known in (("align", align, ALIGNMENTS), ("axes", axes, AXES)):
+        if value not in known:
+            raise BadInput(f"there is no {name} {value!r}; {nearest(value, list(known))}")
+    if not estimates:
+        raise BadInput("there are no estimates to judge: name a folder or bag")
+    true = read_team(truth)
+    teams = {name: read_team(Path(folder), list(true), name) for name, folder in estimates.items()}
+    matched = {robot: _common(robot, true[robot], teams, largest) for robot in true}
+    paths = {robot: true[robot].x[index] for robot, (index, _) in matched.items()}
+    remarks = _shared_remarks(true, teams, paths, largest)
+    chosen: dict[str, Team] = {}
+    for name, team in teams.items():
+        rows = {robot: matched[robot][1][name] for robot in true}
+        there = {robot: Trajectory(*(field[rows[robot]] for field in team[robot])) for robot in true}
+        chosen[name], said = _align(name, there, paths, align, axes)
+        remarks += said
+    return Matched(truth.resolve().name, paths, chosen, tuple(remarks))
+
+
+def mean_drift(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return RPE [m] and error of the heading [rad] of every method, root mean squares with intervals over pieces."""
+    found = []
+    for name, part in rows.groupby("estimator", sort=False):
+        one: dict[str, object] = {"estimator": name}
+        for column in ("rpe", "heading"):
+            squares = part.assign(square=part[column] ** 2).groupby("trial")["square"].mean().to_numpy(float)
+            ends = FIXED.mean_of_positive(squares) if np.isfinite(squares).all() else (np.nan,) * 3
+            one |= dict(zip((column, f"{column}_low", f"{column}_high"), np.sqrt(ends), strict=True))
+        found.append(one)
+    return pd.DataFrame(found)
+
+
+# ---- stamps and frames
+
+
+def _common(
+    robot: str, true: Trajectory, teams: Mapping[str, Team], largest: float
+) -> tuple[Indices, dict[str, Indices]]:
+    """Return the true poses that all methods have an estimate for, and which of each method's poses those are."""
+    pairs = {name: match_stamps(true.stamp, team[robot].stamp, largest) for name, team in teams.items()}
+    for name, (index, _) in pairs.items():
+        if not len(index):
+            own = teams[name][robot].stamp
+            raise BadInput(
+                f"{name}: no stamp of robot {robot!r} ({own[0]:.10g} to {own[-1]:.10g} s) is within {largest:g} s of "
+                f"one of the truth ({true.stamp[0]:.10g} to {true.stamp[-1]:.10g} s): write both by one clock"
+            )
+    if len(pairs) == 1:
+        (name, (index, rows)), *_ = pairs.items()
+        return index, {name: rows}
+    common = reduce(np.intersect1d, (index for index, _ in pairs.values()))
+    if not len(common):
+        raise BadInput(f"robot {robot!r}: no true pose is met by all of {', '.join(pairs)}: judge them one by one")
+    return common, {name: rows[np.searchsorted(index, common)] for name, (index, rows) in pairs.items()}
+
+
+def _shared_remarks(true: Team, teams: Mapping[str, Team], paths: Mapping[str, Array], largest: float) -> list[str]:
+    """Return remarks on robots that hardly move, and on poses that a method lacks, as nobody is judged there."""
+    remarks = []
+    for robot, path in paths.items():
+        stamps, most = true[robot].stamp, 0
+        for name, team in teams.items():
+            index, _ = match_stamps(stamps, team[robot].stamp, largest)
+            most = max(most, len(index))
+            steps, span = np.diff(stamps[[0, *index, -1]]), stamps[-1] - stamps[0]
+            away = steps[steps > GAP * np.median(np.diff(stamps[index]))].sum() if len(index) > 1 else 0.0
+            if away > 0.1 * span:
+                remarks.append(
+                    f"{name}: robot {robot!r} has no poses in {away:.4g} of {span:.4g} s, and is not judged there"
+                )
+        if len(path) < 0.9 * most:
+            remarks.append(f"robot {robot!r}: {len(path)} of {most} poses are judged; not every method has the others")
+        if np.ptp(path[:, :2], axis=0).max() < STANDING:
+            remarks.append(
+                f"robot {robot!r} stands, within {STANDING:g} m: its RPE is noise, and --align se2 turns it at random"
+            )
+    return remarks
+
+
+def match_stamps(a: Array, b: Array, largest: float) -> tuple[Indices, Indices]:
+    """Return the rows of a and of b whose stamps are nearest, for each stamp of the shorter one, as evo does."""
+    if len(b) > len(a):
+        rows, index = match_stamps(b, a, largest)
+        return index, rows
+    right = np.searchsorted(a, b).clip(1, max(len(a) - 1, 1))
+    candidates = np.stack([right - 1, np.minimum(right, len(a) - 1)])
+    away = np.abs(a[candidates] - b)
+    nearer = np.take_along_axis(candidates, away.argmin(0)[None], 0)[0]
+    met = away.min(0) <= largest
+    return nearer[met], np.flatnonzero(met)
+
+
+def _align(
+    name: str, team: Mapping[str, Trajectory], paths: Mapping[str, Array], align: str, axes: str
+) -> tuple[dict[str, Trajectory], list[str]]:
+    """Return a team's trajectories in the frame of the truth, covariances in its axes, and remarks."""
+    remarks, found = [], {}
+    if all(np.isnan(one.P[:, :2, :2]).all() for one in team.values()):
+        remarks.append(f"{name} has no covariances, or zeros alone: its consistency is not known")
+    everywhere = ([one.x for one in team.values()], paths.values())
+    together = fit_frame(*(np.concatenate([x[:, :2] for x in all_of]) for all_of in everywhere))
+    for robot, one in team.items():
+        true, of = paths[robot], f"{name}: robot {robot!r}"
+        angle, shift, residual = fit_frame(one.x[:, :2], true[:, :2])
+        mirrored = fit_frame(one.x[:, :2] * [1, -1], true[:, :2])[2]
+        if mirrored < MIRRORED * residual:
+            fits = f"it fits the truth to {mirrored:.3g} m with y turned round, and to {residual:.3g} m as it is"
+            raise BadInput(f"{of} has a mirrored path: {fits}: write it with x forward and y left")
+        plain = float(np.sqrt(((one.x[:, :2] - true[:, :2]) ** 2).sum(1).mean()))
+        if align == "none" and residual < plain / 5:
+            errs = f"{of} errs by {plain:.3g} m, and by {residual:.3g} m once aligned"
+            remarks.append(f"{errs}: if it is in another frame, --align se2")
+        if singular := np.count_nonzero(one.P[:, 0, 0] * one.P[:, 1, 1] == one.P[:, 0, 1] ** 2):
+            remarks.append(f"{of} has {singular} singular covariances: with any error there, ANEES is infinite")
+        if align == "origin" and not np.isfinite(true[0, 2] - one.x[0, 2]):
+            raise BadInput(f"{of} has no heading in its first pose, or the truth: choose --align se2")
+        if axes == "body" and np.isfinite(one.P[:, :2, :2]).any() and not np.isfinite(one.x[:, 2]).all():
+            raise BadInput(f"{of} has no heading for axes of its body: add it, or choose --axes world")
+        in_world = one._replace(P=turn_covariances(one.P, one.x[:, 2]))
+        remarks += _axes_remark(f"{name}: the covariances of robot {robot!r}", one, in_world.P, true, axes)
+        one = in_world if axes == "body" else one
+        if align == "origin":
+            angle = float(wrap(true[0, 2] - one.x[0, 2]))
+            shift = true[0, :2] - rotation(angle) @ one.x[0, :2]
+        elif align == "team":
+            angle, shift, _ = together
+        if align != "none":
+            x = np.column_stack([one.x[:, :2] @ rotation(angle).T + shift, wrap(one.x[:, 2] + angle)])
+            one = one._replace(x=x, P=turn_covariances(one.P, np.full(len(x), angle)))
+        found[robot] = one
+    return found, remarks
+
+
+def rotation(angle: float | Array) -> Array:
+    """Return the matrices (..., 2, 2) that turn the plane by angles (...) [rad]."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.stack([np.stack([c, -s], -1), np.stack([s, c], -1)], -2)
+
+
+def fit_frame(a: Array, b: Array) -> tuple[float, Array, float]:
+    """Return the angle and shift of least squares that take points a (m, 2) to b, and the RMSE that is left.
+
+    Source: S. Umeyama, IEEE Trans. PAMI 13, 1991, without scale; in the plane its rotation is one angle.
+    """
+    from_a, from_b = a - a.mean(0), b - b.mean(0)
+    angle = float(
+        np.arctan2((from_a[:, 0] * from_b[:, 1] - from_a[:, 1] * from_b[:, 0]).sum(), (from_a * from_b).sum())
+    )
+    shift = b.mean(0) - rotation(angle) @ a.mean(0)
+    left = from_b - from_a @ rotation(angle).T
+    return angle, shift, float(np.sqrt((left**2).sum(1).mean()))
+
+
+def turn_covariances(P: Array, angle: Array) -> Array:
+    """Return covariances (T, 3, 3) in axes that are turned back by an angle (T,) [rad]: R P R'; heading's stays."""
+    R = np.tile(np.eye(3), (len(P), 1, 1))
+    R[:, :2, :2] = rotation(angle)
+    known = np.where(np.isnan(P), 0.0, P)
+    return np.where(np.isnan(P), np.nan, R @ known @ R.swapaxes(1, 2))
+
+
+def _axes_remark(of: str, one: Trajectory, turned: Array, true: Array, axes: str) -> list[str]:
+    """Return a remark where errors fit covariances in the other axes better, in almost every part of the path.
+
+    `turned` are the covariances if they are stated in the robot's axes. The determinant is the same in both, so that
+    the smaller NEES is the likelier.
+    """
+    error = one.x[:, :2] - true[:, :2]
+    known: Mask = np.asarray(np.isfinite(one.P[:, :2, :2] + turned[:, :2, :2]).all((1, 2)))
+    known &= np.linalg.det(np.where(known[:, None, None], one.P[:, :2, :2], 0.0)) > 0
+    if np.count_nonzero(known) < 10 * BLOCKS:
+        return []
+    nees = {
+        said: np.einsum("ti,ti->t", error[known], np.linalg.solve(P[known, :2, :2], error[known][..., None])[..., 0])
+        / 2
+        for said, P in zip(AXES, (one.P, turned), strict=True)
+    }
+    (other,) = {*AXES} - {axes}
+    here, there = nees[axes], nees[other]
+    parts = zip(np.array_split(here, BLOCKS), np.array_split(there, BLOCKS), strict=True)
+    better = sum(b.mean() < a.mean() for a, b in parts)
+    if better < BLOCKS - 1 or there.mean() > 0.8 * here.mean():
+        return []
+    return [
+        f"{of} fit in axes of the {other} (ANEES {there.mean():.3g}) better than in those of the {axes} "
+        f"({here.mean():.3g}): if they are stated so, --axes {other}"
+    ]
+
+
+# ---- rows
+
+
+def in_pieces(found: Matched, pieces: int) -> tuple[Truth, Run]:
+    """Return trajectories as a truth and a run, whose trials are pieces of the recording; ticks beyond a path are nan.
+
+    Raises:
+        BadInput: too few poses for so many pieces, or some poses of a method have covariances and others none.
+
+    """
+    paths, short = found.paths, min(map(len, found.paths.values()))
+    if short < 2:
+        raise BadInput("a robot has 1 pose to judge, less than 2: see that the stamps are of one clock, in seconds")
+    if pieces not in range(1, short // 2 + 1):
+        raise BadInput(
+            f"pieces is {pieces}; it must be a whole number from 1 to {short // 2}, as a robot has {short} poses"
+        )
+    pieces, n = int(pieces), len(paths)
+    length = -(-max(map(len, paths.values())) // pieces)
+
+    def cut(values: Iterable[Array], fill: float = np.nan) -> Array:
+        """Return arrays of the robots (T, ...) as one (piece, tick, robot, ...)."""
+        robots = [np.array_split(one, pieces) for one in values]
+        out = np.full((pieces, length, n, *robots[0][0].shape[1:]), fill)
+        for r, parts in enumerate(robots):
+            for k, part in enumerate(parts):
+                out[k, : len(part), r] = part
+        return out
+
+    def poses(team: Iterable[Array]) -> Array:
+        """Return poses, without headings where one is not known."""
+        robots = list(team)
+        return cut([x[:, : 3 if all(np.isfinite(one[:, 2]).all() for one in robots) else 2] for x in robots])
+
+    valid = cut([np.ones(len(path)) for path in paths.values()], 0.0) > 0
+    every = np.concatenate([path[:, :2] for path in paths.values()])
+    words = [f"{robot} {len(path)} {float(path[:, :2].sum()):.17g}" for robot, path in paths.items()]
+    hashes = tuple(hashlib.sha256(f"{k} of {pieces} {words}".encode()).hexdigest() for k in range(pieces))
+    arena, trial, traces = np.stack([every.min(0), every.max(0)]), np.arange(pieces), {}
+    for name, team in found.teams.items():
+        x, P = poses(team[robot].x for robot in paths), cut([team[robot].P for robot in paths])
+        d = x.shape[-1]
+        traces[name] = Trace.of(x, _without_gaps(name, P, valid, list(paths))[..., :d, :d])
+    truth = Truth(found.label, trial, poses(paths.values()), valid, arena, hashes)
+    return truth, Run(found.label, 0, trial, hashes, traces)
+
+
+def _without_gaps(name: str, P: Array, valid: Mask, robots: Sequence[str]) -> Array:
+    """Return covariances if every pose has one or none has; refuse those that are left out in part."""
+    for d in (2, 3):
+        known: Mask = np.asarray(np.isfinite(P[..., :d, :d]).all((3, 4)))
+        lacking = (valid & ~known).sum((0, 1))
+        if known[valid].any() and lacking.any():
+            first = int(lacking.argmax())
+            count = f"{lacking[first]} of {valid[..., first].sum()} poses of robot {robots[first]!r}"
+            raise BadInput(f"{name}: {count} have no covariance: add them, or remove all")
+    return P
+
+
+def judge_pieces(truth: Truth, run: Run, names: Sequence[str]) -> pd.DataFrame:
+    """Return `errors` with the robots' names and `drift`; pose NEES only where headings have covariances."""
+    rows = errors(truth, run).assign(certificate=ELSEWHERE)
+    rows["name"] = np.asarray(names)[rows["robot"]]
+    for name, trace in run.traces.items():
+        if trace.P.shape[-1] < 3 or np.isnan(trace.P[truth.valid]).any():
+            rows.loc[rows["estimator"] == name, "pose_nees"] = np.nan
+    return rows.merge(drift(truth, run))
+
+
+def drift(truth: Truth, run: Run) -> pd.DataFrame:
+    """Return `rpe` [m] and `heading` [rad], root mean squares of the errors, of every estimator, trial and robot.
+
+    RPE is the error of the motion between neighbouring ticks, in the robot's axes; nan where there is no heading.
+    """
+    found = []
+    for (name, trace), (i, trial), robot in product(run.traces.items(), enumerate(run.trial), range(truth.x.shape[2])):
+        known = truth.valid[i, :, robot]
+        a, b = trace.x[i, known, robot], truth.x[i, known, robot]
+        rpe = heading = np.nan
+        if min(a.shape[-1], b.shape[-1]) == 3 and len(a) > 1:
+            steps = [np.einsum("tij,ti->tj", rotation(x[:-1, 2]), np.diff(x[:, :2], axis=0)) for x in (a, b)]
+            rpe = float(np.sqrt(((steps[0] - steps[1]) ** 2).sum(1).mean()))
+            heading = float(np.sqrt((wrap(a[:, 2] - b[:, 2]) ** 2).mean()))
+        found.append((name, trial, robot, rpe, heading))
+    return pd.DataFrame(found, columns=["estimator", "trial", "robot", "rpe", "heading"])

@@ -10,7 +10,7 @@ from matplotlib.collections import EllipseCollection, LineCollection
 from matplotlib.patches import Ellipse
 
 from cooploc.analysis.formats import count_of
-from cooploc.analysis.metrics.curves import over_time
+from cooploc.analysis.metrics.compare import over_time
 from cooploc.analysis.metrics.errors import INSIDE_95, demand_same
 from cooploc.analysis.metrics.statistics import LEAST_TRIALS
 from cooploc.analysis.plot import style

@@ -19,8 +19,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
 from cooploc.analysis.formats import count_of
+from cooploc.analysis.metrics.compare import swept
 from cooploc.analysis.metrics.consistency import CONSERVATIVE, OVER_CONFIDENT
-from cooploc.analysis.metrics.curves import swept
 from cooploc.analysis.metrics.ranking import is_refused
 from cooploc.analysis.metrics.statistics import LEAST_TRIALS
 from cooploc.analysis.plot import style

@@ -20,7 +20,7 @@ from cooploc.analysis.execution.run_directory import Cell, StoredRun
 from cooploc.analysis.formats import count, count_of, metres, microseconds, ratio
 from cooploc.analysis.metrics.errors import TRAINED
 from cooploc.analysis.metrics.ranking import board_letters
-from cooploc.analysis.report import html_page, page_texts
+from cooploc.analysis.report import html_page
 from cooploc.analysis.report.result_tables import HASH, REMARK_FIELDS, remark
 from cooploc.analysis.report.run_numbers import Labels, Numbers, may_be_ranked, numbers_of
 from cooploc.analysis.report.tables import Row, Table, interval_column, number_column, text_column, words
@@ -204,4 +204,4 @@ def _shown_of(one: BoardStudy, label: str, number: int) -> dict[str, Any]:
 
 def _about(one: BoardStudy, label: str) -> dict[str, Any]:
     rows = one.numbers.kept.rows
-    return page_texts.introduce_estimators(rows[rows["estimator"] == label])[0]
+    return html_page.introduce_estimators(rows[rows["estimator"] == label])[0]

@@ -6,8 +6,8 @@ import io
 import itertools
 import re
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import fields, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -24,14 +24,24 @@ from cooploc.analysis.execution.reproduce import PAGE, embed
 from cooploc.analysis.execution.run_directory import StoredRun, select
 from cooploc.analysis.formats import count_of, join_words
 from cooploc.analysis.metrics import ranking
-from cooploc.analysis.metrics.compare import outlier_warnings
+from cooploc.analysis.metrics.compare import FAR, outlier_warnings
+from cooploc.analysis.metrics.consistency import OVER_CONFIDENT
 from cooploc.analysis.metrics.crlb import floors
+from cooploc.analysis.metrics.errors import SENSES
 from cooploc.analysis.metrics.statistics import LEAST_TRIALS
 from cooploc.analysis.plot import results, style
-from cooploc.analysis.report import page_texts, result_tables, run_numbers, sentences
+from cooploc.analysis.report import result_tables, run_numbers, sentences
 from cooploc.analysis.report.claim_tables import claims_shown
-from cooploc.analysis.report.run_figures import DOTS, HOLLOW, RunFigure, draw_experiment
-from cooploc.analysis.report.run_numbers import Labels, Numbers
+from cooploc.analysis.report.run_numbers import (
+    DOTS,
+    FLOORED,
+    HOLLOW,
+    Labels,
+    Numbers,
+    RunFigure,
+    draw_experiment,
+    trial_counts,
+)
 from cooploc.analysis.report.tables import (
     Row,
     Table,
@@ -39,9 +49,14 @@ from cooploc.analysis.report.tables import (
     csv_text,
     fill_template,
     read_template,
+    read_toml,
     text_column,
+    words,
 )  # fmt: skip
-from cooploc.estimators.registry import shorten_labels
+from cooploc.estimators import configure, make
+from cooploc.estimators.errors import BadInput
+from cooploc.estimators.listing import setting_kind
+from cooploc.estimators.registry import parse, shorten_labels, source_of
 from cooploc.scenarios.studies.study import Study, stream_sentence
 
 FEW = 4  # scenarios that the first figure of a page draws side by side
@@ -147,19 +162,19 @@ def content(numbers: Numbers, ledger: Ledger) -> dict[str, Any]:
         "consistency": replace(consistency, columns=tuple(filter(some, consistency.columns))),
         "experiments": experiments,
         "claims": claims,
-        "estimators": page_texts.introduce_estimators(kept.rows),
+        "estimators": introduce_estimators(kept.rows),
         "scenarios": scenarios,
         "fitted": manifest.get("recordings") or {},
         "missing": missing,
         "remarks": [*filter(None, [of_problem]), *ranking.certificate_remarks(table), *outlier_warnings(table)],
         "failures": result_tables.failures(kept.rows),
         "events": events,
-        "methods": page_texts.methods(bool(kept.looks)),
-        "paragraph": page_texts.paragraph(numbers),
-        "bibtex": page_texts.bibtex(manifest["versions"]["cooploc"], manifest["commit"]),
+        "methods": methods(bool(kept.looks)),
+        "paragraph": paragraph(numbers),
+        "bibtex": bibtex(manifest["versions"]["cooploc"], manifest["commit"]),
         "versions": versions,
         "embedded": embed(kept),
-        "wording": Wording({e: f"#{at}" for e, at in page_texts.anchors_of(names).items()}, numbers.names, marks),
+        "wording": Wording({e: f"#{at}" for e, at in anchors_of(names).items()}, numbers.names, marks),
         "labels": {what: list(dict.fromkeys(table[what])) for what in ("estimator", "scenario")},
         "tables": [*tables, *scenarios, *[events] * bool(events.rows), versions],
     }
@@ -365,3 +380,81 @@ def sort_value(value: Any) -> str | None:
     if isinstance(value, str) or value is None:
         return None
     return "" if value != value else f"{float(value):.6g}"
+
+
+# ---- texts: each estimator's introduction, the methods, and how to cite
+
+
+def anchors_of(estimators: Iterable[Any]) -> dict[str, str]:
+    """Return the anchor of each estimator's introduction."""
+    return {str(label): f"estimator-{i}" for i, label in enumerate(estimators, 1)}
+
+
+def introduce_estimators(rows: pd.DataFrame) -> list[dict[str, Any]]:
+    """Return an introduction of each method, in the order in which they ran; no code that is not built in runs."""
+    methods: dict[str, list[dict[str, str]]] = {}
+    for label, anchor in anchors_of(rows["estimator"].unique()).items():
+        method, _, given = label.partition("[")
+        given = given.removesuffix("]").replace(",", ", ")
+        one = {"label": label, "anchor": anchor, "given": given, "standing": setting_kind(label)}
+        methods.setdefault(method, []).append(one)
+    return [_introduce(name, ones, rows) for name, ones in methods.items()]
+
+
+def _introduce(name: str, configurations: list[dict[str, str]], rows: pd.DataFrame) -> dict[str, Any]:
+    rows = rows[rows["estimator"].isin([one["label"] for one in configurations])]
+    senses = " or ".join(rows[SENSES].dropna().unique()) if SENSES in rows else ""
+    out = {"configurations": configurations, "senses": senses, "knows": _known_readings(rows)}
+    out["name"] = shown = shorten_labels(name)
+    try:
+        made = make(name) if configure(name).builtin else None
+    except BadInput:  # it is no longer known
+        made = None
+    if made is None:
+        about = f"Not built in{f': {parse(name)[0]}' * (shown != name)}."
+        return {**out, "about": about, "source": "", "defaults": {}}
+    values = {one.name: getattr(made, one.name) for one in fields(made) if one.init and one.name != "uses"}
+    texts = {key: f"{v:g}".replace("inf", "∞") if isinstance(v, float) else str(v) for key, v in values.items()}
+    about = (type(made).__doc__ or "").strip().partition("\n")[0]
+    return {**out, "about": about, "source": source_of(type(made)), "defaults": texts}
+
+
+def _known_readings(rows: pd.DataFrame) -> str:
+    """Return which readings reach a robot that runs it."""
+    if "offline" in rows and rows["offline"].eq(True).any():
+        return "every reading of every robot, of later ticks too: a bound that no robot could run"
+    if rows["bound"].eq(True).any():
+        return "every reading of every robot: a bound on all others in a simulated world"
+    if rows["centralised"].eq(True).any():
+        return "every reading of every robot, on one computer"
+    return f"its own readings, and {'what teammates send' if rows['messages'].gt(0).any() else 'nothing of teammates'}"
+
+
+def methods(until_decided: bool) -> dict[str, str]:
+    """Return terms and what they mean, in a run of a fixed number of trials or in one until decided."""
+    known = read_toml("page/methods.toml")
+    terms = {term: text.format(far=FAR, floored=FLOORED) for term, text in known["terms"].items()}
+    return {**terms, **known["until_decided"], "Decided": words("captions")["stopped"]} if until_decided else terms
+
+
+def bibtex(version: str, commit: str | None) -> str:
+    """Return a BibTeX entry for cooploc in the version that ran."""
+    return fill_template("cooploc.bib.j2", version=version, commit=commit)
+
+
+def paragraph(numbers: Numbers) -> str:
+    """Return the methods of a run, in sentences that a paper can use."""
+    table, manifest = numbers.table, numbers.kept.manifest
+    text = fill_template(
+        "paragraph.txt.j2",
+        estimators=count_of(table["estimator"].nunique(), "estimator"),
+        scenarios=count_of(table["scenario"].nunique(), "scenario"),
+        baselines=" or ".join(dict.fromkeys(table["baseline"])),
+        comparisons=count_of(int(table["p"].notna().sum()), "comparison"),
+        trials=trial_counts(table),
+        manifest=manifest,
+        centralised=table["centralised"].any(),
+        until_decided=bool(numbers.kept.looks),
+        over_confident=f"{OVER_CONFIDENT:g}",
+    )
+    return text.replace("\n", " ").strip()

@@ -11,12 +11,11 @@ import pandas as pd
 
 from cooploc.analysis.execution.run_directory import StoredRun
 from cooploc.analysis.formats import count_of
+from cooploc.analysis.metrics.compare import sweep
 from cooploc.analysis.metrics.crlb import floors
-from cooploc.analysis.metrics.curves import sweep
 from cooploc.analysis.plot import style
 from cooploc.analysis.report import result_tables, run_numbers, sentences
-from cooploc.analysis.report.run_figures import OTHERS, RunFigure, draw_experiment
-from cooploc.analysis.report.run_numbers import Labels, Numbers
+from cooploc.analysis.report.run_numbers import OTHERS, Labels, Numbers, RunFigure, draw_experiment
 from cooploc.analysis.report.tables import Row, Table, escape_latex, fill_template, read_toml, words
 from cooploc.estimators import BUILTIN
 from cooploc.estimators.errors import BadInput, nearest

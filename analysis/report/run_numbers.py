@@ -1,21 +1,21 @@
-"""Numbers and labels of a run, from which its page and its paper are made."""
+"""Numbers, labels and figures of a run, from which its page and its paper are made."""
 
 import string
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
+from matplotlib.figure import Figure
 
 from cooploc.analysis.claims.trial_table import TrialTable, collect
 from cooploc.analysis.execution.run_directory import StoredRun
 from cooploc.analysis.formats import count_of
-from cooploc.analysis.metrics.compare import compare
-from cooploc.analysis.metrics.curves import sweep
+from cooploc.analysis.metrics.compare import compare, sweep
 from cooploc.analysis.metrics.ranking import is_refused, rank_groups
 from cooploc.analysis.metrics.sequential import ANYTIME, add_decisions
 from cooploc.analysis.metrics.statistics import FIXED
-from cooploc.analysis.plot import style
+from cooploc.analysis.plot import results, style
 from cooploc.estimators.registry import shorten_labels
 
 SWEEP = 3  # values from which a sweep becomes a line
@@ -136,3 +136,54 @@ def trial_counts(part: pd.DataFrame) -> str:
     if not len(counts):
         return "No trials"
     return f"{count_of(counts[0], 'trial') if len(counts) == 1 else f'{counts[0]} to {counts[-1]} trials'} a scenario"
+
+
+HOLLOW = "Hollow: over-confident; grey: centralised"
+OVER = "Position RMSE over {} in {}; bands: 95 % intervals over trials. {}; broken lines: over-confident mostly."
+DOTS = f"Position RMSE with 95 % intervals over trials. {HOLLOW}; dotted: the floor."
+AGAINST = "Position RMSE against {} in {}, with 95 % intervals over trials. {}."
+OTHERS = {
+    "anees": "ANEES (grey band: consistent)",
+    "bytes": "bytes (broken: the Pareto front)",
+    "seconds": "time (broken: the Pareto front)",
+}
+
+
+class RunFigure(NamedTuple):
+    """A figure of some rows of `compare`."""
+
+    figure: Figure
+    words: list[str]  # of its file's name
+    caption: str
+    rows: pd.DataFrame
+
+
+def draw_experiment(
+    rows: pd.DataFrame,
+    drawn: list[str],
+    costly: list[str],
+    names: Labels,
+    pens: results.Pens,
+    medium: style.Style,
+    kind: str = "",
+) -> Iterator[RunFigure]:
+    """Draw rows of `compare` with floors: every sweep, the scenarios `drawn` side by side, and those `costly` by cost.
+
+    A `kind` of figure is drawn alone: "rmse", or one of `OTHERS`.
+    """
+    ended = dict(list(rows[rows["rmse"].notna()].groupby("scenario", sort=False)))
+    labels, several = list(dict.fromkeys(rows["scenario"])), medium.width > 4
+    for (family, parameter), group in group_by_sweep(labels).items() if kind in ("", "rmse") else ():
+        part = rows[rows["scenario"].isin(group)]
+        if parameter and part["rmse"].notna().any():
+            figure = results.sweep_panels(part, pens, names.shorten, medium)
+            yield RunFigure(figure, [family, parameter], OVER.format(parameter, family, HOLLOW), part)
+    shown, across = [label for label in drawn if label in ended], 3 if several else 1
+    for i in range(0, len(shown), across) if kind in ("", "rmse") else ():
+        parts = [ended[label] for label in shown[i : i + across]]
+        yield RunFigure(results.ranking(parts, pens, names.shorten, medium), ["rmse", shown[i]], DOTS, pd.concat(parts))
+    for label in filter(ended.__contains__, costly if kind != "rmse" else ()):
+        for others in [(kind,)] if kind else [tuple(OTHERS)] if several else [(other,) for other in OTHERS]:
+            figure = results.scatter(ended[label], others, pens, names.shorten, medium)
+            caption = AGAINST.format(", ".join(OTHERS[other] for other in others), label, HOLLOW)
+            yield RunFigure(figure, ["-".join(others), label], caption, ended[label])

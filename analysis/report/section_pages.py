@@ -12,8 +12,7 @@ from matplotlib.figure import Figure
 
 from cooploc.analysis.formats import count_of, join_words, metres
 from cooploc.analysis.plot import anees, error_over_time, rmse, trajectories
-from cooploc.analysis.plot.findings import finding
-from cooploc.analysis.plot.worlds import recording
+from cooploc.analysis.plot.worlds import finding, recording
 from cooploc.analysis.report import html_page
 from cooploc.analysis.report.result_tables import result_columns
 from cooploc.analysis.report.tables import Table, frame

@@ -15,8 +15,8 @@ import pandas as pd
 
 from cooploc.analysis.claims.trial_table import Missing, TrialTable
 from cooploc.analysis.formats import change, count_of, interval, join_words, metres, percent, ratio
+from cooploc.analysis.metrics.compare import sweep
 from cooploc.analysis.metrics.consistency import OVER_CONFIDENT
-from cooploc.analysis.metrics.curves import sweep
 from cooploc.analysis.metrics.ranking import disqualifications
 from cooploc.analysis.metrics.statistics import FIXED, LEAST_TRIALS, MARGIN, Interval, Stopping
 

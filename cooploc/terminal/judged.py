@@ -6,8 +6,14 @@ from pathlib import Path
 import pandas as pd
 
 from cooploc.analysis.metrics.compare import compare
-from cooploc.analysis.metrics.external import evaluate_external
-from cooploc.analysis.metrics.trajectories import drift, in_pieces, judge_pieces, match_trajectories, mean_drift
+from cooploc.analysis.metrics.external import (
+    drift,
+    evaluate_external,
+    in_pieces,
+    judge_pieces,
+    match_trajectories,
+    mean_drift,
+)
 from cooploc.analysis.report.tables import csv_text, frame
 from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.runner.run import Run

@@ -13,7 +13,7 @@ import pandas as pd
 from cooploc.analysis.claims import ledger as ledgers
 from cooploc.analysis.claims.multiverse import shares
 from cooploc.analysis.claims.verdicts import count_verdicts
-from cooploc.analysis.execution.certificates import line
+from cooploc.analysis.execution.provenance import line
 from cooploc.analysis.execution.run import seconds_left
 from cooploc.analysis.execution.run_directory import RunDir, read_run
 from cooploc.analysis.formats import change, count, count_of, duration, join_words
@@ -22,7 +22,7 @@ from cooploc.analysis.metrics.compare import outlier_warnings
 from cooploc.analysis.metrics.errors import drop_failed
 from cooploc.analysis.metrics.ranking import short_certificate
 from cooploc.analysis.metrics.sequential import PILOT, minutes
-from cooploc.analysis.report import claim_tables, tuning_tables
+from cooploc.analysis.report import claim_tables, result_tables
 from cooploc.analysis.report.result_tables import (
     STUDY,
     decision,
@@ -339,14 +339,14 @@ def show_tuning(
 ) -> None:
     """Print what was chosen, what it bought, and whether the order changed."""
     console = make_console()
-    console.print(tuning_tables.chosen_table(history, record["tuned"]).terminal())
+    console.print(result_tables.chosen_table(history, record["tuned"]).terminal())
     console.print()
     for scenario, part in gains.groupby("scenario", sort=False):
-        console.print(tuning_tables.gains_table(str(scenario), part).terminal())
+        console.print(result_tables.gains_table(str(scenario), part).terminal())
         console.print()
     console.print(words("captions")["tuning"], style="dim")
     for name, order in orders.items():
-        console.print(tuning_tables.order_sentence(order, name))
+        console.print(result_tables.order_sentence(order, name))
     console.print(
         f"seed {record['seed']}, training seed {record['training_seed']}: "
         f"none of the {len(record['streams'])} training streams is a reported one"

@@ -10,8 +10,8 @@ from processes import Log
 
 from cooploc.analysis.claims.ledger import load
 from cooploc.analysis.claims.trial_table import collect
-from cooploc.analysis.execution import certificates
-from cooploc.analysis.execution.certificates import add_certificates
+from cooploc.analysis.execution import provenance
+from cooploc.analysis.execution.provenance import add_certificates
 from cooploc.analysis.execution.run import execute, prepare
 from cooploc.analysis.execution.run_directory import read_run
 from cooploc.analysis.metrics import ranking
@@ -64,7 +64,7 @@ def checked(tmp_path_factory):
 def place(checked, tmp_path, monkeypatch):
     """A folder where what the checks found once is found again at no cost."""
     found = json.loads((checked[0] / "run" / "manifest.json").read_text())["certificates"]["outside.py:Honest"]
-    monkeypatch.setattr(certificates, "certify", lambda label, isolate: found)
+    monkeypatch.setattr(provenance, "certify", lambda label, isolate: found)
     return enter(tmp_path, monkeypatch)
 
 

@@ -5,8 +5,8 @@ import pandas as pd
 import pytest
 
 import cooploc as cl
+from cooploc.analysis.metrics.compare import over_time, sweep, swept
 from cooploc.analysis.metrics.consistency import band
-from cooploc.analysis.metrics.curves import over_time, sweep, swept
 from cooploc.analysis.metrics.errors import COLUMNS, OPTIONAL_COLUMNS, SENSES, errors
 from cooploc.scenarios.runner.run import Run
 from cooploc.scenarios.runner.trace import Trace

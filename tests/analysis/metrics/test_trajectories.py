@@ -11,7 +11,7 @@ from processes import inside
 from rosbags.rosbag2 import Writer
 
 import cooploc as cl
-from cooploc.analysis.metrics.trajectories import judge_trajectories, match_stamps, mean_drift
+from cooploc.analysis.metrics.external import judge_trajectories, match_stamps, mean_drift
 
 ROBOTS = "red", "blue"
 

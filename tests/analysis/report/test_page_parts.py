@@ -13,7 +13,7 @@ from cooploc.analysis.metrics.compare import compare
 from cooploc.analysis.metrics.consistency import COLLAPSED, OVER_CONFIDENT
 from cooploc.analysis.metrics.ranking import FEWEST_SEPARATED, SEPARATED
 from cooploc.analysis.plot import style
-from cooploc.analysis.report import html_page, page_texts
+from cooploc.analysis.report import html_page
 from cooploc.analysis.report.result_tables import failures, parameter_text, scenario_tables
 from cooploc.analysis.report.run_numbers import numbers_of
 from cooploc.analysis.report.tables import read_toml, words
@@ -45,7 +45,7 @@ def test_parameters_that_scenarios_share_are_said_once_and_others_with_their_val
 def test_estimators_are_introduced_once_with_their_configurations_and_no_foreign_code_runs(tmp_path):
     foreign = f"{tmp_path / 'never.py'}:Mine"
     rows = rows_of("nlos", dict.fromkeys(("ekf-local", "ekf-local[anchor_reading=rssi]", foreign), (1.0, 1.0)))
-    one, other = page_texts.introduce_estimators(rows.assign(senses="RSSI"))
+    one, other = html_page.introduce_estimators(rows.assign(senses="RSSI"))
     assert (one["name"], one["senses"]) == ("ekf-local", "RSSI")
     assert "EKF" in one["about"]
     assert "Probabilistic Robotics" in one["source"]
@@ -55,15 +55,15 @@ def test_estimators_are_introduced_once_with_their_configurations_and_no_foreign
 
 
 def test_what_is_to_be_copied_says_what_was_run_and_the_methods_how_the_run_ended(rows, tmp_path):
-    text = page_texts.paragraph(numbers_of(kept_from(rows, tmp_path)))
+    text = html_page.paragraph(numbers_of(kept_from(rows, tmp_path)))
     assert "We compared 3 estimators in 2 scenarios with cooploc 0 (8 trials a scenario, random seed 3)" in text
     assert "baseline (arl)" in text
-    entry = page_texts.bibtex("1.2", "abc")
+    entry = html_page.bibtex("1.2", "abc")
     assert all(words in entry for words in ("version = {1.2}", "commit abc"))
     assert entry.count("{") == entry.count("}")
     title = re.search(r"title = {(.*)},", entry)[1]
     assert f'title: "{title}"' in (Path(__file__).parents[3] / "CITATION.cff").read_text()
-    fixed, decided = page_texts.methods(False), page_texts.methods(True)
+    fixed, decided = html_page.methods(False), html_page.methods(True)
     assert list(decided) == [*fixed, "Decided"]
     assert {term for term in fixed if fixed[term] != decided[term]} == {"p (Holm)", "Ties", "Rank, group"}
     assert not re.search(r"[{}]", "".join(decided.values()))

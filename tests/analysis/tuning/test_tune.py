@@ -10,7 +10,7 @@ from made_logs import describe, lines, write
 from processes import Log, inside, marks, parts
 
 import cooploc as cl
-from cooploc.analysis.report.tuning_tables import order_sentence
+from cooploc.analysis.report.result_tables import order_sentence
 from cooploc.analysis.tuning.tune import as_toml, derived_seed, lanes, order, overlap, tune, tuned_study
 from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.scenario import ResolvedScenario
