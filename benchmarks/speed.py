@@ -293,7 +293,6 @@ SIZES = {
 }
 SPACING, HEARS = 6.0, 10.0  # [m] between robots, about; and how far they hear
 STRAIGHT = 1.1  # a slope that counts as linear
-Costs = dict[str, Any]  # "simulate", "estimate" [s] and "memory" [MB] -> (sizes, rounds)
 
 
 def growing(rounds: int) -> Iterator[Line]:
@@ -303,19 +302,15 @@ def growing(rounds: int) -> Iterator[Line]:
     """
     _, stream = cl.simulate("trajectory", trials=1, seed=1, ticks=2)
     warm_up("growth", cl.make(GROWING.format(particles=200)), stream)
-    found = {what: grown(what, rounds) for what in SIZES}
-    for what, costs in found.items():
-        for counted, values in costs.items():
-            yield Line(f"slope of {counted} against {what}", slopes(what, values), STRAIGHT, True)
+    for what, values in SIZES.items():
+        sizes = [{**BASE, **({"trials": 1} if what == "robots" else {}), what: value} for value in values]
+        times = np.array([[once(size)[:2] for _ in range(rounds)] for size in sizes])
+        memory = np.array([[once(size, measured=True)[2]] for size in sizes])  # one round, as it takes time
+        half = len(values) // 2
+        for counted, costs in (("simulate", times[..., 0]), ("estimate", times[..., 1]), ("memory", memory)):
+            found = [linregress(np.log(values[half:]), np.log(one[half:])).slope for one in costs.T]
+            yield Line(f"slope of {counted} against {what}", found, STRAIGHT, True)
     yield from by_neighbours(rounds)
-
-
-def grown(what: str, rounds: int) -> Costs:
-    """Return the cost of every size of what grows; memory is measured once, as that takes time."""
-    sizes = [{**BASE, **({"trials": 1} if what == "robots" else {}), what: value} for value in SIZES[what]]
-    times = np.array([[once(size)[:2] for _ in range(rounds)] for size in sizes])
-    memory = np.array([[once(size, measured=True)[2]] for size in sizes])
-    return {"simulate": times[..., 0], "estimate": times[..., 1], "memory": memory}
 
 
 def once(size: dict[str, int], measured: bool = False) -> tuple[float, float, float]:
@@ -331,12 +326,6 @@ def once(size: dict[str, int], measured: bool = False) -> tuple[float, float, fl
     memory = tracemalloc.get_traced_memory()[1] / 1e6
     tracemalloc.stop()
     return made, estimate, memory
-
-
-def slopes(what: str, values: Any) -> Any:
-    """Return the slope over the larger half of the sizes in each round (rounds,)."""
-    half = len(values) // 2
-    return np.array([linregress(np.log(SIZES[what][half:]), np.log(one[half:])).slope for one in values.T])
 
 
 NEIGHBOURS = (19, 39, 69, 99)

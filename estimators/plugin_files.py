@@ -9,7 +9,7 @@ import hashlib
 import importlib
 import re
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from functools import cache
 from importlib.machinery import PathFinder
@@ -201,16 +201,26 @@ def artifacts_of(files: Iterable[Path]) -> list[Named]:
     return sorted((name, path) for path, name in found.items())
 
 
-def trained_on(files: Iterable[Path], name: str) -> str:
-    """Return the training that the class of this name states, `trained_on = "nlos, 100 trials"`; else empty."""
-    stated = [text for file in files for cls, text in _literals(file, "trained_on") if cls == name]
-    return one_clause(stated[0]) if stated and isinstance(stated[0], str) else ""
+def statements(files: Sequence[Path], name: str) -> dict[str, str]:
+    """Return what Python files state, each empty where none does, and none of them is imported.
+
+    `licence`: after SPDX-License-Identifier, such as MIT. `cites`: the paper that a module's docstring names after
+    "Source:". `trained_on`: what the class of this name assigns to it, such as "nlos, 100 trials".
+    """
+    licences = (re.search(rb"SPDX-License-Identifier:\s*([\w.+-]+)", file.read_bytes()) for file in files)
+    trained = [text for file in files for cls, text in _literals(file, "trained_on") if cls == name]
+    modules = (node for file in files for node in _nodes(file) if isinstance(node, ast.Module))
+    return {
+        "licence": next((found[1].decode() for found in licences if found), ""),
+        "cites": next(filter(None, (cited_in(ast.get_docstring(module)) for module in modules)), ""),
+        "trained_on": one_clause(trained[0]) if trained and isinstance(trained[0], str) else "",
+    }
 
 
-def licence_of(files: Iterable[Path]) -> str:
-    """Return what a file states after SPDX-License-Identifier, such as MIT; empty where none does."""
-    stated = (re.search(rb"SPDX-License-Identifier:\s*([\w.+-]+)", file.read_bytes()) for file in files)
-    return next((found[1].decode() for found in stated if found), "")
+def cited_in(docstring: str | None) -> str:
+    """Return the first paper that a docstring names after "Source:", up to its year; empty where it names none."""
+    found = re.search(r"Sources?: (.+?\b(?:19|20)\d\d)\b", re.sub(r"\s+", " ", docstring or ""))
+    return found[1] if found else ""
 
 
 def one_clause(text: str) -> str:

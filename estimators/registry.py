@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from cooploc.estimators.errors import BadInput, nearest, one_line
 from cooploc.estimators.interface import API, Array
-from cooploc.estimators.plugin_files import is_file, load_from_file, one_clause
+from cooploc.estimators.plugin_files import cited_in, is_file, load_from_file, one_clause
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -175,9 +175,7 @@ def wrong_version(estimator: Any) -> str:
 
 def source_of(cls: type) -> str:
     """Return the first paper that the docstring of a class's module names after "Source:", up to its year."""
-    text = re.sub(r"\s+", " ", sys.modules[cls.__module__].__doc__ or "")
-    found = re.search(r"Sources?: (.+?\b(?:19|20)\d\d)\b", text)
-    return found[1] if found else ""
+    return cited_in(sys.modules[cls.__module__].__doc__)
 
 
 class CallablePackage(ModuleType):

@@ -34,9 +34,8 @@ from cooploc.estimators.plugin_files import (
     distributions,
     files_of_module,
     is_file,
-    licence_of,
     neighbours_of,
-    trained_on,
+    statements,
     tree,
 )
 from cooploc.scenarios.conformance import check_estimator
@@ -107,15 +106,13 @@ def _sources(
 
 
 def stated_of(name: str) -> dict[str, str]:
-    """Return what the source of a plug-in estimator states: `trained_on` and `licence`, empty where it does not."""
+    """Return what the source of a plug-in estimator states: `licence`, `cites` and `trained_on`."""
     if is_file(name):
         path, _, attribute = name.rpartition(":")
-        sources = [Path(path)]
-    else:
-        module = estimator_names.module_of(name)
-        attribute = (estimator_names.REGISTRY.place_of(name) if module else "").partition(":")[2]
-        sources = [path for _, path in files_of_module(module) if path.suffix == ".py"]
-    return {"trained_on": trained_on(sources, attribute), "licence": licence_of(sources)}
+        return statements([Path(path)], attribute)
+    module = estimator_names.module_of(name)
+    attribute = (estimator_names.REGISTRY.place_of(name) if module else "").partition(":")[2]
+    return statements([path for _, path in files_of_module(module) if path.suffix == ".py"], attribute)
 
 
 def source_hash(root: Path = ROOT) -> str:

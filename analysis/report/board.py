@@ -22,11 +22,11 @@ from cooploc.analysis.metrics.errors import TRAINED
 from cooploc.analysis.metrics.ranking import board_letters
 from cooploc.analysis.report import html_page
 from cooploc.analysis.report.result_tables import HASH, REMARK_FIELDS, remark
-from cooploc.analysis.report.run_numbers import Labels, Numbers, may_be_ranked, numbers_of
+from cooploc.analysis.report.run_numbers import Numbers, may_be_ranked, numbers_of
 from cooploc.analysis.report.tables import Row, Table, interval_column, number_column, text_column, words
-from cooploc.estimators import configure
+from cooploc.estimators import configure, make
 from cooploc.estimators.errors import BadInput
-from cooploc.estimators.registry import shorten_labels
+from cooploc.estimators.registry import shorten_labels, source_of
 from cooploc.scenarios.studies.study import Study, stream_sentence
 
 
@@ -48,16 +48,14 @@ def write(runs: Sequence[StoredRun], out: Path) -> Path:
     studies = [_study(group) for group in _group(runs)]
     labels = sorted({row["estimator"] for one in studies for row in one.rows})
     pages, counter = {label: f"estimators/{html_page.safe_name(label)}.html" for label in labels}, itertools.count(1)
-    files = {label: configure(label).name for label in labels}  # are shown without their folders
-    names = Labels({label: label.replace(of, of.rpartition("/")[2], 1) for label, of in files.items() if "/" in of}, {})
     (out / "estimators").mkdir(parents=True, exist_ok=True)
     shown = [_shown(one, number, counter) for number, one in enumerate(studies, 1)]
-    _write_page(out / PAGE, "Board", {"studies": shown, "wording": html_page.Wording(pages, names)}, "board.html.j2")
+    _write_page(out / PAGE, "Board", {"studies": shown, "wording": html_page.Wording(pages)}, "board.html.j2")
     for label, place in pages.items():
         mine = [_shown_of(one, label, number) for number, one in enumerate(studies, 1)]
         about = next(_about(one, label) for one, rows in zip(studies, mine, strict=True) if rows["table"].rows)
         content = {"one": about, "studies": [rows for rows in mine if rows["table"].rows]}
-        _write_page(out / place, names.shorten(label), content, "board_estimator.html.j2")
+        _write_page(out / place, label, content, "board_estimator.html.j2")
     return out / PAGE
 
 
@@ -112,10 +110,17 @@ def _study(group: list[StoredRun]) -> BoardStudy:
     for row in numbers.table.to_dict("records"):
         cell = row["scenario"], row["estimator"]
         known = {"reproduced": times[cell], "differ": differ[cell], **_origin(row, home[cell])}
-        table.append({**row, **known, "group": letters.get(cell[0], {}).get(cell[1], "")})
+        shown = {"estimator": _name(cell[1]), "group": letters.get(cell[0], {}).get(cell[1], "")}
+        table.append({**row, **known, **shown})
     place = {str(s): i for i, s in enumerate(numbers.table["scenario"].unique())}
-    table.sort(key=lambda row: (place[row["scenario"]], row["group"] or "~", shorten_labels(row["estimator"])))
+    table.sort(key=lambda row: (place[row["scenario"]], row["group"] or "~", row["estimator"]))
     return BoardStudy(numbers, [run.folder for run in group], table)
+
+
+def _name(label: str) -> str:
+    """Return an estimator's label as a board shows it: of one in a file, without the file's folders."""
+    asked = configure(label).name
+    return shorten_labels(label.replace(asked, asked.rpartition("/")[2], 1))
 
 
 def _count_confirmations(run: StoredRun) -> Counter[Cell]:
@@ -138,10 +143,12 @@ def _origin(row: Row, run: StoredRun) -> dict[str, str]:
     out = {"tuned": f"on seed {tuned_with}" if tuned_with is not None and label != asked.name else "no"}
     out["trained"] = row["certificate"].partition(TRAINED)[2] or "no"
     if asked.builtin:
-        return {**out, "licence": str(metadata("cooploc")["License-Expression"]), "hash": manifest["source"][:HASH]}
-    stated = manifest["certificates"].get(label, {}).get("licence", "")
+        out |= {"source": source_of(type(make(label))), "hash": manifest["source"][:HASH]}
+        return {**out, "licence": str(metadata("cooploc")["License-Expression"])}
+    stated = manifest["certificates"].get(label, {})
     files = manifest["files"].get(asked.name.rpartition(":")[0] or asked.name, "")
-    return {**out, "licence": stated or "not stated", "hash": files[:HASH]}
+    out |= {"source": stated.get("cites", ""), "hash": files[:HASH]}
+    return {**out, "licence": stated.get("licence") or "not stated"}
 
 
 # ------------------------------------------------------------------------------------------------ pages
@@ -172,8 +179,7 @@ COLUMNS = (
 
 def _table(one: BoardStudy, name: str, rows: list[Row], caption: str = "", without: tuple[str, ...] = ()) -> Table:
     columns = tuple(column for column in COLUMNS if column.head not in without)
-    sources = {row["estimator"]: _about(one, row["estimator"])["source"] for row in rows}
-    return Table(name, caption, columns, [{**row, "none": "", "source": sources[row["estimator"]]} for row in rows])
+    return Table(name, caption, columns, [{**row, "none": ""} for row in rows])
 
 
 def _heading(one: BoardStudy) -> dict[str, Any]:
@@ -203,5 +209,7 @@ def _shown_of(one: BoardStudy, label: str, number: int) -> dict[str, Any]:
 
 
 def _about(one: BoardStudy, label: str) -> dict[str, Any]:
+    """Return what is known of an estimator of a study."""
     rows = one.numbers.kept.rows
-    return html_page.introduce_estimators(rows[rows["estimator"] == label])[0]
+    about = html_page.introduce_estimators(rows[rows["estimator"].map(_name) == label].assign(estimator=label))[0]
+    return {**about, "source": next(row["source"] for row in one.rows if row["estimator"] == label)}

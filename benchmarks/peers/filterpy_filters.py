@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: MIT
 """filterpy's filters on odometry and anchors or landmarks, each lifted by `PerRobot`.
 
 Linear ones get each model linearised where they are, those of sigma points and of ensembles the model itself.

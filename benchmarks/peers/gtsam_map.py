@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: MIT
 """GTSAM: every tick's most probable state, given the belief before it and its readings, by Levenberg and Marquardt."""
 
 import gtsam

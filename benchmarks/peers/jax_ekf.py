@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: MIT
 """An extended Kalman filter in JAX: the slopes are derivatives that JAX takes, the loop over readings is a scan."""
 
 from functools import partial

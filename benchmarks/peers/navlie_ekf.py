@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: MIT
 """navlie's extended Kalman filter, on a state that is a vector; its models are those of the world."""
 
 import navlie

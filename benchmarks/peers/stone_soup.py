@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: MIT
 """Stone Soup's extended Kalman and particle updaters on the world's models; the world's motion predicts."""
 
 import numpy as np

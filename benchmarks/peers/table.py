@@ -42,9 +42,6 @@ filterpy and GTSAM are in the lock; the other libraries are tried where they are
 """
 
 
-Peer = tuple[str, str, str]  # label, lines of glue, how far apart
-
-
 def glue_lines(estimator: cl.PerRobot) -> int:
     """Return the number of lines of a class, without empty ones."""
     return sum(bool(line.strip()) for line in inspect.getsource(estimator.make).splitlines())  # type: ignore[arg-type]
@@ -60,8 +57,8 @@ def apart(estimator: cl.PerRobot) -> str:
     return ", ".join(f"{one:.1g} m" for one in found)
 
 
-def peers() -> tuple[list[Peer], list[str]]:
-    """The plug-ins whose library is there, and why the others are not."""
+def peers() -> tuple[list[tuple[str, str, str]], list[str]]:
+    """(label, lines of glue, how far apart) of plug-ins whose library is there; why the others are not."""
     found, absent = [], []
     for file, names in PEERS.items():
         for name in names:
@@ -75,7 +72,7 @@ def peers() -> tuple[list[Peer], list[str]]:
     return found, absent
 
 
-def rows(found: list[Peer], data: Path | None) -> list[list[str]]:
+def rows(found: list[tuple[str, str, str]], data: Path | None) -> list[list[str]]:
     """A row of the table for each, from one run of all."""
     out = Path("build/peers")
     labels = [OURS, *(label for label, _, _ in found)]

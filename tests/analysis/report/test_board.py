@@ -16,6 +16,7 @@ scenarios = ["trajectory[ticks=6]", "nlos/n=2[ticks=6]"]
 estimators = ["dead-reckoning", "ekf-local"]
 """
 PLUGIN = """# SPDX-License-Identifier: BSD-3-Clause
+'''Stands still. Source: Nobody (1905), section 2.'''
 from pathlib import Path
 from cooploc.estimators.dead_reckoning import DeadReckoning as Mine
 with Path("imported").open("a") as file: file.write("x")
@@ -76,15 +77,18 @@ def test_runs_on_the_same_streams_share_a_table_and_reproduce_each_other(tmp_pat
     assert sum(file.stat().st_size for file in (tmp_path / "site").rglob("*.html")) < 1e6
 
 
-def test_a_board_of_a_plugin_states_its_licence_and_does_not_run_it(tmp_path, monkeypatch):
+def test_a_board_of_a_plugin_states_its_licence_and_source_and_not_its_place_and_does_not_run_it(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "mine.py").write_text(PLUGIN)
-    ran = run(tmp_path, out=tmp_path / "run", estimators="ekf-local,mine.py:Mine")
+    ran = run(tmp_path, out=tmp_path / "run", estimators=f"ekf-local,{tmp_path}/mine.py:Mine")
     with pytest.raises(cl.BadInput, match="--trust"):
         cl.board([ran], reproduce_first=True)
     cl.reproduce(ran.folder, trials=2, trust=True)
     (tmp_path / "imported").unlink()
     (tmp_path / "mine.py").unlink()
-    text = cl.board([ran]).read_text()
+    page = cl.board([ran])
+    text = page.read_text() + next(page.parent.glob("estimators/mine-py-*.html")).read_text()
     assert "BSD-3-Clause" in text
+    assert text.count("Nobody (1905") == 3
+    assert str(tmp_path) not in text
     assert not (tmp_path / "imported").exists()
