@@ -171,7 +171,8 @@ def _draw_tracks(ax: Axes, log: TeamLog, above: str) -> None:
             ax.plot(*truth.values[:, :2].T, color=colour, lw=1.3, label=robot, zorder=3)
             ax.plot(*truth.values[0, :2], "o", color=colour, mfc="white", ms=6, zorder=5)
         if alone is not None:
-            ax.plot(*alone.T, color=colour, ls=style.DOTTED, lw=1.0, zorder=2)
+            label = robot if truth is None else None
+            ax.plot(*alone.T, color=colour, ls=style.DOTTED, lw=1.0, zorder=2, label=label)
     for places, marker, face in ((log.anchors, "^", DARK), (log.landmarks, "s", "white")):
         for name, (x, y) in zip(places.names, places.positions, strict=True):
             ax.plot(x, y, marker, color=DARK, mfc=face, ms=6, zorder=4)

@@ -53,13 +53,17 @@ def inspection_page(found: Inspected) -> str:
     caption = (
         f"Tracks: solid the truth, dotted odometry alone from the true start{', findings corrected' * bool(sections)}"
     )
+    caption = caption if any(found.log.truth) else "Tracks: odometry alone, every robot from 0, 0"
     caption += ". Who measured whom, how often. What was recorded when; gaps are white."
     sketch = "tracks, who measured whom, and what was recorded when", _png(recording(found.corrected, ""))
     sections.append(Section("The whole recording", pictures=[sketch], caption=caption))
     series = pd.DataFrame([row[:8] for row in found.rows], columns=list(HEADS))
     sections.append(Section("Series", tables=[frame("series", series)]))
     sections.append(Section("Does it run?", (*found.trial.lines, *[problem] * bool(problem))))
-    about = f"{name}. Findings compare the recording with its own ground truth; none was applied."
+    beside = "Findings compare the recording with its own ground truth; none was applied."
+    if not any(found.log.truth):
+        beside = "There is no ground truth: series are compared with each other, and not with where the robots were."
+    about = f"{name}. {beside}"
     return _page(f"Is {found.log.name} sane?", sentence, about, sections)
 
 

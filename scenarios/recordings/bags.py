@@ -264,16 +264,18 @@ def values_of(table: schema.ReadingColumns, series: TopicSeries) -> tuple[Array,
 def read_run(place: Path, name: str, description: TeamDescription) -> TeamLog:
     """Read one run; BadInput where a topic is of another type than its table needs."""
     d = description
-    moves, poses = d.odometry_and_truth
+    moves = d.moves
     if moves.kind not in ODOMETRY:
         raise BadInput(f"{place}: a bag has odometry of kind {' or '.join(ODOMETRY)}, not {moves.kind!r}; correct kind")
     of = [(kind, table, (*d.robots, *fixed.names)) for kind, tables, fixed in reading_tables(d) for table in tables]
-    sources: list[tuple[schema.Source, Sequence[str]]] = [(moves, ()), (poses, ())]
+    motion: list[tuple[str, schema.Source, tuple[str, ...]]] = [("odometry", moves, ODOMETRY[moves.kind])]
+    motion += [("truth", d.truth, ODOMETRY["pose"])] if d.truth else []
+    sources: list[tuple[schema.Source, Sequence[str]]] = [(table, ()) for _, table, _ in motion]
     sources += [(table, others) for _, table, others in of]
     wanted = {topic for source, others in sources for topic, _, _ in topics_of(source, d.robots, others)}
     found, warnings = read_topics(place, wanted, all_there=False)
     series: dict[str, dict[str, Series]] = {"odometry": {}, "truth": {}}
-    for named, table, columns in (("odometry", moves, ODOMETRY[moves.kind]), ("truth", poses, ODOMETRY["pose"])):
+    for named, table, columns in motion:
         for topic, robot, _ in topics_of(table, d.robots, ()):
             if topic in found and len(found[topic].time):
                 if robot in series[named]:

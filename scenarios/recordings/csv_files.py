@@ -49,8 +49,8 @@ class RunFiles(NamedTuple):
 def read_run(place: Path, name: str, description: TeamDescription) -> TeamLog:
     """Read one run."""
     d, run, zero = description, RunFiles(place, name, description, []), 0.0
-    moves, poses = d.odometry_and_truth
-    if d.sample.tick == "lines":
+    moves, poses = d.moves, d.truth
+    if d.sample.tick == "lines" and poses:
         rows = next(rows_of(run, poses, [poses.x, poses.y], ()))
         known = np.flatnonzero(np.isfinite(rows.values).all(-1) & np.isfinite(rows.time))
         if not len(known):
@@ -58,7 +58,7 @@ def read_run(place: Path, name: str, description: TeamDescription) -> TeamLog:
         run = run._replace(zero=np.asarray(rows.stamp[known[0]], float))
         zero = float((run.zero * np.array([column.factor for column in moves.time])).sum())
     odometry = _by_robot(run, moves, [getattr(moves, column) for column in schema.COLUMNS[moves.kind]])
-    truth = _by_robot(run, poses, [poses.x, poses.y, poses.heading])
+    truth = _by_robot(run, poses, [poses.x, poses.y, poses.heading]) if poses else {}
     readings = {
         kind: [m for table in tables for m in _measurements(run, table, (*d.robots, *fixed.names))]
         for kind, tables, fixed in reading_tables(d)

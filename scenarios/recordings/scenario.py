@@ -78,7 +78,12 @@ class TeamFolder:
         if name not in self.places:
             raise BadInput(f"{self.data}: there is no run {name!r}; {nearest(name, [ALL, *self.places])}")
         if name not in self._logs:
-            self._logs[name] = self._reader.read_run(self.places[name], name, self.description)
+            log = self._reader.read_run(self.places[name], name, self.description)
+            if not any(log.truth):
+                raise BadInput(
+                    f"{self.places[name]}: no robot has a truth to be judged by; name it in [truth] of log.toml"
+                )
+            self._logs[name] = log
         return self._logs[name]
 
     @cached_property

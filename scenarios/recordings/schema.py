@@ -349,11 +349,11 @@ class TeamDescription(Strict):
     model: Model = Model()
 
     @property
-    def odometry_and_truth(self) -> tuple[Odometry, GroundTruth]:
-        """[odometry] and [truth], which the formats csv and bag have."""
-        if self.odometry is None or self.truth is None:
-            raise ValueError(f"format {self.format!r} has no tables [odometry] and [truth]")
-        return self.odometry, self.truth
+    def moves(self) -> Odometry:
+        """[odometry], which the formats csv and bag have."""
+        if self.odometry is None:
+            raise ValueError(f"format {self.format!r} has no table [odometry]")
+        return self.odometry
 
     @model_validator(mode="after")
     def _has_sources(self) -> Self:
@@ -366,8 +366,8 @@ class TeamDescription(Strict):
             return self
         if not self.robots:
             raise ValueError('robots is missing; name them: robots = ["red", "blue"]')
-        if self.odometry is None or self.truth is None:
-            raise ValueError(f"[{'odometry' if self.odometry is None else 'truth'}] is missing; {EXAMPLE}")
+        if self.odometry is None:
+            raise ValueError(f"[odometry] is missing; {EXAMPLE}")
         for source in sources:
             if source.in_files != (self.format == "csv"):
                 raise ValueError(

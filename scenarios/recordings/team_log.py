@@ -213,20 +213,17 @@ def build_log(
     if not robots:
         raise BadInput(f"{place}: no robot has two samples of odometry; correct [odometry] of log.toml")
     notes += [f"{place}: robot {robot!r} has fewer than two samples of odometry; it was left out" for robot in lost]
-    moves, declared = d.odometry_and_truth
     poses: list[Series | None] = []
     for robot in robots:
         series = truth.get(robot)
-        if series is None or len(series.time) < 2:
-            notes.append(f"{place}: robot {robot!r} has no truth, and so no errors")
+        if d.truth is None or series is None or len(series.time) < 2:
+            notes += [f"{place}: robot {robot!r} has no truth, and so no errors"] * (d.truth is not None)
             poses.append(None)
             continue
-        values, jumps = true_poses(series.time, series.values, declared)
+        values, jumps = true_poses(series.time, series.values, d.truth)
         poses.append(series._replace(values=values))
         if jumps:
             notes.append(f"{series.source}: {jumps} true positions are out of reach at max_speed, and were left out")
-    if not any(poses):
-        raise BadInput(f"{place}: no robot has a truth; correct [truth] of log.toml")
     readings: dict[Channel, ReadingSeries] = {}
     for kind, _, fixed in reading_tables(d):
         channels, left_out = split_channels(kind, measured.get(kind, []), robots, fixed.names)
@@ -234,7 +231,7 @@ def build_log(
         notes += left_out
     moved = tuple(odometry[robot] for robot in robots)
     landmarks, anchors = stated_places(d.landmarks), stated_places(d.anchors)
-    return TeamLog(name, robots, moves.kind, moved, tuple(poses), readings, landmarks, anchors, tuple(notes))
+    return TeamLog(name, robots, d.moves.kind, moved, tuple(poses), readings, landmarks, anchors, tuple(notes))
 
 
 def split_channels(

@@ -66,3 +66,18 @@ def test_the_page_of_an_inspection_escapes_what_is_in_the_files(tmp_path):
     page = (tmp_path / "<b>team" / "inspect.html").read_text("utf-8")
     assert "Is &lt;b&gt;team sane?" in page
     assert "<b>team" not in page
+
+
+def test_a_recording_without_truth_is_inspected_and_not_judged(tmp_path):
+    files = {name: columns for name, columns in two_robots(seconds=40).items() if not name.startswith("truth")}
+    for column, values in files["odom_red.csv"].items():
+        files["odom_red.csv"][column] = values[:100].tolist() + values[200:].tolist()
+    write(tmp_path / "team", files)
+    ended = inside("inspect", "team", cwd=tmp_path)
+    assert ended.returncode == 0, ended.stderr
+    assert "not used: truth, as no file has columns that look like truth" in ended.stdout
+    assert "it does not run: team: no robot has a truth to be judged by" in ended.stdout
+    page = (tmp_path / "team" / "inspect.html").read_text("utf-8")
+    assert "There is no ground truth" in page
+    assert "Gap: red" in page
+    assert "no robot has a truth to be judged by" in inside("run", "log", "--data", "team", cwd=tmp_path).stderr

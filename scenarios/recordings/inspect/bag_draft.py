@@ -36,17 +36,16 @@ def bag_draft(path: Path) -> Draft:
     if not truth and each:
         inspect_each = "; ".join(f"cooploc inspect {bag}" for bag in bags)
         raise BadInput(f"{path}: the topics of its {len(bags)} bags differ; inspect each: {inspect_each}")
-    if not truth:
-        raise BadInput(
-            f"{path}: no robot has both odometry (nav_msgs/Odometry) and a true pose under its name or number; topics: "
-            f"{', '.join(t.name for t in found)[:300]}"
-        )
-    wheels = {robot: wheels[robot] for robot in truth}
-    named = pairs_of_robots([t.name for t in found if t.type in NUMBERS], list(truth))
+    if not wheels:
+        names = ", ".join(t.name for t in found)[:300]
+        raise BadInput(f"{path}: no robot has odometry (nav_msgs/Odometry); topics: {names}")
+    wheels = {robot: wheels[robot] for robot in truth or wheels}
+    named = pairs_of_robots([t.name for t in found if t.type in NUMBERS], list(wheels))
     ranges = {p: t.name for t in found if t.type in NUMBERS and t.name not in named and (p := _pair(t.name))}
     series = read_topics(path, [*wheels.values(), *truth.values(), *ranges.values()])[0]
     why = "a pose under the name or number of a robot that is not odometry"
-    tables = [_odometry(wheels, series), DraftTable("truth", (_topics(truth, why),))]
+    tables = [_odometry(wheels, series)]
+    tables += [DraftTable("truth", (_topics(truth, why),))] if truth else []
     if ranges:
         tables.append(_ranges(ranges, truth, series))
     for pattern in dict.fromkeys(named.values()):
@@ -54,11 +53,13 @@ def bag_draft(path: Path) -> Draft:
         tables.append(DraftTable(f"{name_meaning(pattern)[0]}s".replace("rssis", "rssi"), (entry,)))
     entries = (
         Entry("format", "bag", "a ROS bag"),
-        Entry("robots", list(truth), "what differs between the topics of odometry that have a truth", "likely"),
+        Entry(
+            "robots", list(wheels), f"what differs between topics of odometry{' with a truth' * bool(truth)}", "likely"
+        ),
     )
     used = dict.fromkeys(wheels.values(), "odometry") | dict.fromkeys(truth.values(), "truth")
     used |= dict.fromkeys(ranges.values(), "range") | {t: name_meaning(p)[0] for t, p in named.items()}
-    columns, unused = [], []
+    columns, unused = [], [] if truth else ["truth, as no pose has the name or number of a robot with odometry"]
     for t in found:
         form, rate = t.type.rpartition("/")[2], f"{t.messages} messages, {t.rate:.3g} Hz, {t.last - t.first:.3g} s"
         columns.append((t.name, form, used.get(t.name, "not used"), rate))

@@ -585,7 +585,9 @@ def _draft_run(folder: Path, data: Path) -> tuple[Draft, tuple[str, ...]]:
             odd = [name for name in lacking if side_of(words_of(Path(name).stem)) in ("", needed)]
             if odd and not unread:
                 unread = f"{folder / odd[0]}: {lacking[odd[0]]}, and so no {needed}; name its columns in log.toml"
-            raise BadInput(unread or f"{folder}: no file has columns that look like {words}; {REMEDY}")
+            if unread or needed == "odometry":
+                raise BadInput(unread or f"{folder}: no file has columns that look like {words}; {REMEDY}")
+            unused.append(f"{needed}, as no file has columns that look like {words}")
     robots = ("robot",) if runs else _robots(folder, parts)
     fixed = [name for part in parts if part.table in ("anchors", "landmarks") for name in _places_of(part)]
     files = [_name_readings(file, robots, fixed) for file in files]

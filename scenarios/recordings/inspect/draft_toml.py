@@ -112,7 +112,7 @@ def _settings(log: TeamLog, runs: int) -> tuple[DraftTable, ...]:
         Entry("tick", tick, f"[s] odometry comes every {usual:.3g} s"),
         Entry("max_gap", max_gap, "[s] five intervals of odometry, at least 0.5", "likely"),
     )
-    headed = all(s is None or np.isfinite(s.values[:, 2]).any() for s in log.truth)
+    headed = all(s is None or np.isfinite(s.values[:, 2]).any() for s in log.truth) and any(log.truth)
     why = "the truth has a heading" if headed else "the truth has no heading: the direction of the first motion"
     prior = (
         Entry("position", "first truth", "what the team knows of its start", "perhaps"),

@@ -145,10 +145,13 @@ def true_turns(truth: Steps) -> Array:
 def dead_reckoned(log: TeamLog, robot: int) -> Array | None:
     """Return where odometry alone leads from the true start (m, 2) [m], at its stamps; None without a true start.
 
-    A robot without a true heading starts in the direction of its first moves.
+    A robot without a true heading starts in the direction of its first moves. Where no robot has a truth, all start at
+    0, 0, 0.
     """
     motion = robot_motion(log, robot)
     odometry, t = motion.odometry, motion.truth.time
+    if not any(log.truth):
+        t, motion = odometry.time[:1], motion._replace(poses=Series(t, np.zeros((1, 3)), ""))
     if not len(t) or len(odometry.time) < 2 or t[0] > odometry.time[-1]:
         return None
     start = motion.poses.values[0]

@@ -4,6 +4,7 @@ import os
 from pathlib import Path
 from types import SimpleNamespace
 
+import made_bags
 import numpy as np
 import pandas as pd
 import pytest
@@ -213,3 +214,13 @@ def test_models_of_a_recording_that_is_too_short_to_be_fitted_are_assumed(tmp_pa
 @pytest.mark.parametrize(("place", "change"), REAL)
 def test_the_draft_of_a_real_recording_runs(tmp_path, place, change, monkeypatch):
     require_run_of_draft(DATA / place, tmp_path / "out", change, monkeypatch)
+
+
+def test_a_bag_without_truth_is_inspected(tmp_path, monkeypatch):
+    without = {topic: name for topic, name in made_bags.TOPICS.items() if "mocap" not in topic and "amcl" not in topic}
+    monkeypatch.setattr(made_bags, "TOPICS", without)
+    found = cl.inspect(made_bag(tmp_path, "sqlite3", seconds=20.0)[0])
+    assert {*found.series["series"]} >= {"odometry", "range"}
+    assert found.inspected.unused[0] == "truth, as no pose has the name or number of a robot with odometry"
+    assert "no robot has a truth to be judged by" in found.inspected.trial.problem
+    assert {path.name for path in found.write(tmp_path / "out")} == {"log.toml", "inspect.png", "inspect.html"}
