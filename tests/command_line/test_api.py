@@ -26,6 +26,7 @@ def test_dir_shows_what_users_call_and_an_unknown_name_is_an_attribute_error():
         _ = cl.simulat
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("then", ["", ", importlib; importlib.reload(cl.estimators); importlib.reload(cl)"])
 def test_estimators_and_scenarios_are_lists_and_packages_in_any_order_of_imports(then):
     program = (
@@ -111,6 +112,7 @@ def without_links(page):
     return re.sub("</?a[ >][^<]*?>|</?a>", "", page.read_text("utf-8"))
 
 
+@pytest.mark.slow
 def test_a_report_is_written_and_its_trials_are_reproduced(results, place):
     page = cl.report(results)
     assert page == place / "run" / "report" / "index.html"

@@ -110,6 +110,7 @@ def test_help_is_quick_because_it_imports_nothing_heavy():
     assert told.stdout.strip() == "[]", told.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("width", [80, 110, 160])
 def test_a_terminals_table_has_every_estimator_and_no_line_beyond_its_width(ran, place, width, monkeypatch):
     terminal = partialmethod(PlainConsole.__init__, width=width, force_terminal=True, color_system=None)
@@ -123,6 +124,7 @@ def test_a_terminals_table_has_every_estimator_and_no_line_beyond_its_width(ran,
         assert ("ANEES" in told.stdout) == bool(options)
 
 
+@pytest.mark.slow
 def test_tables_in_a_pipe_are_as_wide_as_a_page_and_legends_are_for_who_asks(ran, place):
     for command in (("run", "small.toml", "--out", "run"), ("check", "ekf-ci")):
         tables = [line for line in inside(*command, cwd=place).stdout.splitlines() if line.startswith(" ")]

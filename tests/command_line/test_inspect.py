@@ -59,6 +59,7 @@ def test_the_table_of_a_recording_says_what_limits_its_order():
     assert "one trial: no intervals" in recording_lines(table.assign(trials=1), [])[0]
 
 
+@pytest.mark.slow
 def test_the_page_of_an_inspection_escapes_what_is_in_the_files(tmp_path):
     write(tmp_path / "<b>team", two_robots(seconds=40))
     ended = inside("inspect", "<b>team", cwd=tmp_path)

@@ -2,6 +2,7 @@
 
 import re
 
+import pytest
 from processes import inside as cooploc
 
 SMALL = 'trials = 6\nbaseline = "arl"\nscenarios = ["trajectory[ticks=6]"]\nestimators = ["arl", "ekf-local"]\n'
@@ -10,6 +11,7 @@ SMALL = 'trials = 6\nbaseline = "arl"\nscenarios = ["trajectory[ticks=6]"]\nesti
 NAMED = "from cooploc.estimators.dead_reckoning import DeadReckoning\nclass Mine(DeadReckoning): 'Mine.'\n"
 
 
+@pytest.mark.slow
 def test_a_given_name_is_what_terminal_page_figures_and_paper_show(tmp_path):
     (tmp_path / "small.toml").write_text(SMALL)
     (tmp_path / "own.py").write_text(NAMED)
@@ -30,6 +32,7 @@ def test_a_given_name_is_what_terminal_page_figures_and_paper_show(tmp_path):
     assert "2 of 2 results are bit-equal" in again.stdout, again.stderr
 
 
+@pytest.mark.slow
 def test_more_estimators_in_a_run_do_not_move_its_baseline_and_a_page_says_what_it_shows(tmp_path):
     (tmp_path / "small.toml").write_text(SMALL)
     cooploc("run", "small.toml", "--out", "grown", cwd=tmp_path)

@@ -51,6 +51,7 @@ CASES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reading", CASES)
 def test_one_detection_is_bayes_rule_on_a_grid(reading):
     sensor, z, log_likelihood = CASES[reading]

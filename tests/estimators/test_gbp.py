@@ -59,6 +59,7 @@ def test_on_a_linear_graph_with_loops_the_means_become_exact_and_covariances_too
         assert all(np.linalg.det(P[trial, i]) < np.linalg.det(covariance[i, :, i]) for i in range(3))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("label", "rounds"),
     [("robots-1-3/n=3[ticks=6,prior_sigma=0.1]", 200), ("camera/n=3[ticks=6,prior_position=0.02]", 100)],
@@ -71,6 +72,7 @@ def test_on_ranges_and_sightings_the_means_become_those_of_map_joint(label, roun
     np.testing.assert_allclose(x, cl.run({"map": best}, stream).traces["map"].x[:, -1], atol=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("window", [1, 4, 30])
 def test_alone_it_is_map_joint_for_any_window(window):
     _, stream = cl.simulate("robots-1-3/n=1[ticks=20,prior_sigma=0.1]", trials=3, seed=2)

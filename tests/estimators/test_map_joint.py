@@ -40,6 +40,7 @@ def test_with_the_whole_past_in_its_window_it_is_the_least_squares_of_the_whole_
         np.testing.assert_allclose(trace.P[trial, -1], np.einsum("iaib->iab", P), rtol=1e-4, atol=1e-8)
 
 
+@pytest.mark.slow
 def test_a_heading_may_pass_west():
     """Twenty times, and the team knows where it is in every tick."""
     truth, stream = cl.simulate("camera/n=2", trials=10, seed=3, ticks=300)

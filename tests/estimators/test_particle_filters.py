@@ -171,6 +171,7 @@ CASES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("configured", CASES)
 def test_particle_filter_is_the_grid_posterior(configured):
     """The mean of some runs on the same readings: within the grid's error, and that of drawing particles."""

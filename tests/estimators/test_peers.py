@@ -59,6 +59,7 @@ def test_the_joint_unscented_filter_of_one_robot_is_filterpys(label):
     np.testing.assert_allclose(theirs.P, ours.P, atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("label", WORLDS)
 @pytest.mark.parametrize("name", CLOSE)
 def test_other_approximations_stay_within_what_ours_says_of_itself(name, label):

@@ -37,6 +37,7 @@ def finished(tmp_path_factory, small_chunks):
     return folder, execute(prepare(STUDY), folder)
 
 
+@pytest.mark.slow
 def test_two_processes_give_the_bits_of_one(finished, tmp_path):
     folder, rows = finished
     again = execute(prepare(STUDY), tmp_path / "two", jobs=2)

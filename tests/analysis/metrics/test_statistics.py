@@ -76,6 +76,7 @@ def test_the_one_trial_that_decides_a_change_is_named():
     assert decisive_trial(a[10:19], b[10:19]) is None  # too few trials to say so
 
 
+@pytest.mark.slow
 def test_holm_is_that_of_statsmodels(rng):
     for n in (1, 2, 7, 60):
         p = np.concatenate([rng.uniform(size=n) ** 4, np.full(n // 2, 0.01)])

@@ -234,6 +234,7 @@ def test_a_robot_without_a_file_and_unknown_words_are_one_line(team, tmp_path):
         judge_trajectories(team / "truth", {"mine": team / "mine"}, pieces=1000)
 
 
+@pytest.mark.slow
 def test_the_command_ranks_methods_and_says_what_is_odd(team, tmp_path):
     named = ["--tum", f"mine={team / 'mine'}", "--tum", str(team / "theirs")]
     done = inside("judge", "--truth", team / "truth", *named, "--align", "se2", "--out", tmp_path / "out")

@@ -54,6 +54,7 @@ def test_the_scenarios_of_a_table_are_one_family(rng):
     assert board_letters({"one": just, **equal})["one"] == {"a": "a", "b": "a"}
 
 
+@pytest.mark.slow
 def test_a_board_needs_a_confirmation_of_the_run_as_it_is_now(tmp_path):
     ran = run(tmp_path, out=tmp_path / "run")
     with pytest.raises(cl.BadInput, match=r"nobody has reproduced .*cooploc reproduce .*run --trials 2"):
@@ -69,6 +70,7 @@ def test_a_board_needs_a_confirmation_of_the_run_as_it_is_now(tmp_path):
     cl.board([ran.folder], tmp_path / "site", reproduce_first=True)
 
 
+@pytest.mark.slow
 def test_runs_on_the_same_streams_share_a_table_and_reproduce_each_other(tmp_path):
     runs = [run(tmp_path, out=tmp_path / "one"), run(tmp_path, out=tmp_path / "two", estimators="dead-reckoning")]
     runs.append(run(tmp_path, seed=2, out=tmp_path / "other"))
@@ -77,6 +79,7 @@ def test_runs_on_the_same_streams_share_a_table_and_reproduce_each_other(tmp_pat
     assert sum(file.stat().st_size for file in (tmp_path / "site").rglob("*.html")) < 1e6
 
 
+@pytest.mark.slow
 def test_a_board_of_a_plugin_states_its_licence_and_source_and_not_its_place_and_does_not_run_it(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "mine.py").write_text(PLUGIN)

@@ -173,6 +173,7 @@ def test_a_recording_is_tuned_on_other_runs(data):
     assert set(tuning.rows["scenario"]) == {"log/one"}
 
 
+@pytest.mark.slow
 def test_the_command_says_what_was_chosen_what_it_bought_and_what_became_of_the_order(tmp_path):
     study = tmp_path / "mine.toml"
     study.write_text(

@@ -10,6 +10,7 @@ from cooploc.estimators.joint_kernels import least_trace, possible
 from cooploc.estimators.kalman import kalman
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", ["literal", "received"])
 @pytest.mark.parametrize(("d", "k"), [(2, 1), (3, 2)])
 def test_a_compiled_weight_is_the_best_of_a_scan_and_the_parts_add_up(d, k, form):

@@ -102,6 +102,7 @@ def test_a_filterpy_loop_is_ekf_local(world, loop, robots):
     np.testing.assert_allclose(a.P, b.P, rtol=0, atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("loop", [radio_loop, camera_loop])
 def test_an_adapted_loop_passes_every_check(loop):
     report = check_estimator(loop)

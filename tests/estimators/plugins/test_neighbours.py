@@ -47,6 +47,7 @@ def moved(given, stream, **how):
     return x[0, 1, 0, 0] - x[0, 0, 0, 0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_a_file_with_caches_and_neighbours_travels_by_its_path(plug_in, stream, jobs):
     label = f"{plug_in[0]}:Walk"

@@ -189,6 +189,7 @@ def test_packets_may_need_a_reading(recorded, tmp_path):
     assert 0 < stream.air.link.sum() < stream.air.link.size / 2
 
 
+@pytest.mark.slow
 def test_without_a_true_heading_it_must_be_said_what_robots_know(recorded, tmp_path):
     unknown = ('heading = "yaw"\n', "")
     with pytest.raises(BadInput, match='has no true heading where the prior is taken; choose heading = "first motion"'):

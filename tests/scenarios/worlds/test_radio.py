@@ -85,6 +85,7 @@ def test_odometry_is_the_true_move_with_its_noise(paper):
     assert abs(lag_one(error)) < 5 / np.sqrt(error.size)
 
 
+@pytest.mark.slow
 def test_prior_is_the_true_start_with_its_noise():
     truth, stream = simulate("trajectory", trials=3000, ticks=1, odometry_sigma=0.0)
     about(stream.prior.x - (truth.x[:, 0] - stream.senses.odometry[:, 0]), 0, 0.5)

@@ -18,6 +18,7 @@ def found(inspection):
     return {(f.kind, f.robot) for f in inspection.inspected.findings}
 
 
+@pytest.mark.slow
 def test_eight_deliberate_glitches_are_each_named_and_stand_in_log_toml(tmp_path):
     wanted = eight_glitches(tmp_path / "team")
     table = cl.inspect(tmp_path / "team").findings
@@ -71,6 +72,7 @@ def test_a_robot_whose_file_lacks_a_column_is_left_out_and_named(tmp_path, clean
     assert any(line.startswith("odom_blue.csv: its columns") for line in inspected.unused)
 
 
+@pytest.mark.slow
 def test_a_log_toml_elsewhere_is_inspected_as_the_command_says(tmp_path, clean):
     cl.inspect(write(tmp_path / "team", clean)).write(tmp_path / "out")
     assert set(cl.inspect(tmp_path / "out").inspected.log.robots) == {"red", "blue"}

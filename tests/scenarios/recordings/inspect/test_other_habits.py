@@ -106,6 +106,7 @@ HABITS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("habit", HABITS)
 def test_the_team_is_read_from_files_as_others_write_them(tmp_path, habit):
     change, options, rewrite = HABITS[habit]

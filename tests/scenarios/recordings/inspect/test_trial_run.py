@@ -165,6 +165,7 @@ def test_a_strict_run_refuses_what_another_mends_and_says(tmp_path, name):
         prepare(load("log"), tmp_path / "out", strict=True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("change", ["no odometry", "no truth", "much too late"])
 def test_a_draft_leaves_out_a_robot_that_lacks_a_series(tmp_path, change):
     files = two_robots(seconds=60)
