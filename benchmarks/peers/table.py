@@ -35,8 +35,8 @@ Each is a plain class for one robot in `benchmarks/peers/`, lifted by `cl.PerRob
 anchors or landmarks. *Glue*: lines of the class, without what it inherits. *Apart*: largest distance of its positions
 from those of `{ours}` without a gate, on three robots in the arena and with cameras, 2 trials of 30 ticks
 each; those that compute the same agree to rounding. *Checks*: the certificate, with what it leaves out.
-RMSE [m] and processor time in microseconds for a robot and tick: 4 trials of `robots-1-3/n=3[ticks=60]`, as in the
-study `quick` but shorter, then a minute of five real robots (`mrclam/all`).
+RMSE [m] in a minute of five real robots (`mrclam/all`) and in 4 trials of `robots-1-3/n=3[ticks=60]`, as in the study
+`quick` but shorter; microseconds of processor time for a robot and tick of the former.
 filterpy and GTSAM are in the lock; the other libraries are tried where they are on PYTHONPATH.
 
 """
