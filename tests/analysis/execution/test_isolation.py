@@ -108,10 +108,10 @@ def test_processes_that_are_kept_find_the_files_of_the_next_run_in_its_directory
 
 def test_a_scenario_that_hangs_costs_the_trial_where_it_does(place):
     world, names = ("bad.py:hangs[ticks=3]",), ("dead-reckoning", "ekf-local")
-    study = Study(name="cells", trials=2, time_limit=3.0, scenarios=world, estimators=names)
+    study = Study(name="cells", trials=2, time_limit=1.5, scenarios=world, estimators=names)
     for _, mine in execute(prepare(study), place / "run").groupby("estimator"):
         assert list(failures(mine)) == [1]
-        assert failures(mine)[1].startswith("ProcessHung: longer than the time limit of 3 s a trial")
+        assert failures(mine)[1].startswith("ProcessHung: longer than the time limit of 1.5 s a trial")
 
 
 def test_a_run_in_one_process_is_called_so(place):

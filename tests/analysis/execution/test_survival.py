@@ -108,13 +108,13 @@ def is_group(group):
     [
         ("raise", 1, "RuntimeError: sensor on fire (trouble.py:"),
         ("nan", 2, "estimate is not finite"),
-        ("spin", 2, ": longer than the time limit of 2 s a trial"),
+        ("spin", 2, ": longer than the time limit of 1 s a trial"),
         ("die", 2, "process died"),
     ],
 )
 def test_a_trial_that_fails_is_recorded_and_costs_no_other(place, plugins, does, jobs, said):
     arguments = ("--estimators", f"dead-reckoning,trouble[does={does}]", "--trials", 6, "--jobs", jobs, "--json")
-    limit = "time_limit = 2.0" if does == "spin" else ""
+    limit = "time_limit = 1.0" if does == "spin" else ""
     (place / "small.toml").write_text(limit + SMALL.replace("{1..6}", "1"))
     told = finish("run", "small.toml", "--out", "run", *arguments, plugins=plugins, cwd=place)
     assert told.returncode == 1, told.stderr
