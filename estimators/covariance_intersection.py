@@ -255,7 +255,9 @@ def _search_weights(B, C_, sigma, trace, block, scalar, weights, axes):
     for f in range(len(B)):
         if scalar[f]:
             continue
-        M[C] = C_[f]
+        for i in range(len(axes)):
+            for k in range(len(axes)):
+                M[C, i, k] = C_[f, i, k]
         low, high, w, left, right, cut = LEAST, 1.0, 1.0, np.nan, np.nan, False
         slope = _slope(M, B, f, sigma, w, trace, block, axes)
         if slope <= 0.0:
@@ -278,7 +280,9 @@ def _fill_values(B, C_, sigma, trace, block, weights, value, axes):
     """Write tr(C Y^-1), or det^(1/block) of Y^-1's leading block, at any own weights; infinity where Y is singular."""
     M = np.empty((8, len(axes), len(axes)))
     for f in range(len(B)):
-        M[C] = C_[f]
+        for i in range(len(axes)):
+            for k in range(len(axes)):
+                M[C, i, k] = C_[f, i, k]
         _add_terms(M, B, f, sigma, weights[f], axes)
         if not invert(M, Y, axes):
             value[f] = np.inf

@@ -240,7 +240,8 @@ def _follow(x, moved, m0, P0, m1, P1, out):
     wide()
     for r in range(len(x)):
         if not moved[r]:
-            out[r] = x[r]
+            for k in range(x.shape[1]):  # a copy of slices takes seconds to compile
+                out[r, k] = x[r, k]
             continue
         a0, a1 = np.sqrt(P0[r, 0, 0]), np.sqrt(P1[r, 0, 0])
         b0, b1 = P0[r, 1, 0] / a0, P1[r, 1, 0] / a1

@@ -368,9 +368,9 @@ def add_directions(x, P, z, places, W, c, variance, gate):
 def add_scalars(x: Array, P: Array, use: Mask, y: Array, H: Array, variances: Array) -> None:
     """Absorb each scalar, y - H (x^ - x) where x^ has moved by those before: the result of all readings at once."""
     t, n, d = x.shape
-    PH, before = np.empty(n * d), np.empty((n, d))
+    PH = np.empty(n * d)
     for s in range(t):
-        before[:] = x[s]
+        before = x[s].copy()
         for i in range(n):
             for c in range(len(variances) if use[s, i] else 0):
                 PH[:], S, e = 0.0, variances[c], y[s, i, c]

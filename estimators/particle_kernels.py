@@ -115,7 +115,7 @@ def add_anchors(row, box, r, anchors, links):
         if not np.isnan(z):
             link = places[a, 0], places[a, 1], z - A, 0.0, 0.0, 0.0
             far, near = _write_link(FIXED, links, (far, near), box, link, (slope, unit, ln_unit))
-    _add_links(FIXED, True, row, links, 0, far, slope * unit)
+    _add_links(FIXED, True, row, links, np.int64(0), far, slope * unit)
     _add_links(FIXED, False, row, links, len(links) - near, len(links), slope * unit)
 
 
@@ -149,7 +149,7 @@ def add_teammates(row, r, heard, links):
     if ranged:
         _add_links(RANGE, False, row, links, len(links) - near, len(links), -unit)
     else:
-        _add_links(RSSI, True, row, links, 0, far, slope * unit)
+        _add_links(RSSI, True, row, links, np.int64(0), far, slope * unit)
         _add_links(RSSI, False, row, links, len(links) - near, len(links), slope * unit)
 
 
