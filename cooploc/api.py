@@ -449,7 +449,7 @@ def board(
         BadInput: a row was not confirmed, or trials come out otherwise here.
 
     """
-    stored = [read_run(Path(run)) for run in runs]
+    stored = [read_run(Path(run)) for run in ([runs] if isinstance(runs, str | PathLike) else runs)]
     for one in stored if reproduce_first else ():
         if again.confirmations(one.folder):
             continue

@@ -209,6 +209,10 @@ def judge(
     named = {name or Path(path).name: path for name, _, path in parted}  # a folder's own name may hold "="
     if bool(stream) == bool(truth):
         raise cl.BadInput("name a stream or scenario, or --truth DIR: one of them")
+    if stream and (align, axes, pieces) != ("none", "world", 10):
+        raise cl.BadInput("--align, --axes and --pieces go with --truth: leave them out")
+    if truth and (estimators, trials, seed, data, offline) != (None, None, None, None, False):
+        raise cl.BadInput("--estimators, --trials, --seed, --data and --offline go with a stream: leave them out")
     if len(named) < len(tum):
         raise cl.BadInput("two of --tum have one name: write NAME=DIR")
     from cooploc.terminal.judged import show_external, show_trajectories

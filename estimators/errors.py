@@ -31,6 +31,7 @@ PLAIN_WORDS = {  # of pydantic's kinds of errors
     **dict.fromkeys(("float_parsing", "float_type"), "it must be a number"),
     **dict.fromkeys(("bool_parsing", "bool_type"), "it must be true or false"),
     "string_type": "it must be text",
+    "tuple_type": "it must be a list",
     "missing": "it is missing",
 }
 

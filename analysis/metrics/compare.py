@@ -243,6 +243,8 @@ def _demand_errors(errors: object) -> None:
         raise BadInput(f"errors is of type {type(errors).__name__}; {wanted}")
     if missing := [name for name in COLUMNS if name not in errors]:
         raise BadInput(f"errors has no column {missing[0]!r}; {wanted}")
+    if errors.empty:
+        raise BadInput("errors has no rows: select some")
 
 
 def _against(

@@ -156,6 +156,8 @@ def errors(truth: Truth, run: Run, burn_in: int = 0) -> pd.DataFrame:
 
     """
     demand_same(truth, run)
+    if not run.traces:
+        raise BadInput("the run has no estimator: name one, such as 'arl'")
     if not 0 <= burn_in < truth.x.shape[1]:
         raise BadInput(f"burn_in is {burn_in}; it must lie between 0 and {truth.x.shape[1] - 1}")
     valid = truth.valid.copy()

@@ -177,7 +177,7 @@ def _read_team(folder: Path, stream: Stream) -> Trace:
     for trial, robot in sorted(files.keys() ^ set(wanted)):
         fact = "is of no robot of the stream" if (trial, robot) in files else "is missing"
         has = f"robots 0 to {stream.robots - 1} in trials {trials[0]} to {trials[-1]}"
-        raise BadInput(f"{folder}: trial{trial}-robot{robot}.txt {fact}, which has {has}")
+        raise BadInput(f"{folder}: trial{trial}-robot{robot}.txt {fact}: the stream has {has}")
     found, time = read_files({path.stem: path for path in files.values()}), stream.time
     team = [found[files[key].stem] for key in wanted]
     for key, one in zip(wanted, team, strict=True):

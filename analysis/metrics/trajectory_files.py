@@ -171,15 +171,18 @@ def _read_stored(path: Path) -> dict[str, Array]:
 def _read_bag(place: Path, robots: Sequence[str], method: str) -> dict[str, Trajectory]:
     """Read the poses with covariances of a bag's topics by robot."""
     rows: dict[str, list[tuple[float, ...]]] = {}
-    for path in bag_paths(place):
+    held = f"{place} holds no NAME.txt or NAME.csv, nor a bag with topics of {' or '.join(WITH_COVARIANCE)}"
+    try:
+        paths = bag_paths(place)
+    except BadInput:
+        raise BadInput(held) from None
+    for path in paths:
         try:
             _collect_poses(path, rows)
         except Exception as e:  # rosbags raises whatever its parsers raise on damaged files
             raise BadInput(f"{path}: cannot be read as a bag ({' '.join(str(e).split())[:100]}); repair it") from None
     if not rows:
-        raise BadInput(
-            f"{place} holds no NAME.txt or NAME.csv, nor a bag with topics of {' or '.join(WITH_COVARIANCE)}"
-        )
+        raise BadInput(held)
     topics: dict[str, list[str]] = {}
     for topic in rows:
         parts = topic.strip("/").split("/")

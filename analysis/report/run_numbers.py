@@ -140,7 +140,7 @@ def trial_counts(part: pd.DataFrame) -> str:
 
 HOLLOW = "Hollow: over-confident; grey: centralised"
 OVER = "Position RMSE over {} in {}; bands: 95 % intervals over trials. {}; broken lines: over-confident mostly."
-DOTS = f"Position RMSE with 95 % intervals over trials. {HOLLOW}; dotted: the floor."
+DOTS = f"Position RMSE with 95 % intervals over trials. {HOLLOW}; dotted: the Cramer-Rao bound of all readings."
 AGAINST = "Position RMSE against {} in {}, with 95 % intervals over trials. {}."
 OTHERS = {
     "anees": "ANEES (grey band: consistent)",

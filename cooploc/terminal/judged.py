@@ -59,7 +59,7 @@ def _show(
     table = compare(rows, rows["estimator"].iloc[0], full=True)
     tables.show_table(table, rows, as_json, every_column, legend)
     console, mean = make_console(stderr=as_json), mean_drift(rows).rename(columns={"estimator": "method"})
-    parts = [frame(DRIFT, mean)]
+    parts = [frame(DRIFT, mean)] if mean[["rpe", "heading"]].notna().any(axis=None) else []
     if robots is not None:
         robots = robots[list(ONCE)].rename(columns={"ticks": "poses", "estimator": "method", "name": "robot"})
         parts.append(frame(EACH, robots))

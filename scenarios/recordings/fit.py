@@ -611,8 +611,8 @@ def choose_loss(log: TeamLog, parts: Sequence[FitPart], how: FitSettings) -> tup
     other, better = list(SPREADS)[1 + best], bool(mean[best] > error[best])
     chosen, count = (other, "far from what is expected count less") if better else ("none", "count fully")
     return chosen, (
-        f"readings {count} (loss={chosen}): {_left_out(gains, parts)}, have with loss={other} a log-likelihood that "
-        f"differs by {mean[best]:+.3f} a reading from Gaussian noise (one standard error: {error[best]:.3f})"
+        f"readings {count} (loss={chosen}): of {_left_out(gains, parts)}, loss={other} changes the log-likelihood of a "
+        f"reading by {mean[best]:+.3f} from that of Gaussian noise (one standard error: {error[best]:.3f})"
     )
 
 

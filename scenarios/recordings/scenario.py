@@ -328,9 +328,7 @@ class TeamScenario(schema.Model):
         said = [self.judged_run.choice, fitted]
         if self._prior.position == "first truth":  # why a lone robot may err less than a team
             sd = f"{self._prior.position_sd:g} m"
-            said.append(
-                f"robots start where they truly are, and filters are told to within {sd}: no odometry starts wrong"
-            )
+            said.append(f"filters are told the true start of each robot, as known to {sd}: no odometry starts wrong")
         return [*log.warnings, *weak, *(f"run {log.name!r}: {text}" for text in said)]
 
     def link_residuals(self) -> list[LinkResiduals]:

@@ -264,7 +264,7 @@ def split_channels(
             rows = np.flatnonzero(dropped).tolist()
             whose = sorted({names[row] for row in rows})
             some = ", ".join(map(short_repr, whose[:3])) + f" and {len(whose) - 3} more" * (len(whose) > 3)
-            notes += [f"{one.source}: {len(rows)} readings {what.format(some)}, were left out"] * bool(rows)
+            notes += [f"{one.source}: left out {count_of(len(rows), 'reading')} {what.format(some)}"] * bool(rows)
         good = known & ~itself & positive & ~again
         for channel, other in zip(CHANNELS[kind], (mate, thing), strict=True):
             at = np.flatnonzero(good & (other >= 0))

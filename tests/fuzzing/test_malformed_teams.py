@@ -62,7 +62,13 @@ IN_FILES = [
     ("odom_red.csv", 7, "17", "", "left out 1 line whose stamp is days from the others"),
     ("mocap_blue.csv", 9, "17", "x17", "line 9: sec is 'x17"),
     ("uwb.csv", 5, "17", "seventeen", "left out 1 line without a stamp"),
-    ("uwb.csv", 5, "17", "99999999999999999917", "readings by 'red' with stamps that are days from the others"),
+    (
+        "uwb.csv",
+        5,
+        "17",
+        "99999999999999999917",
+        "left out 1 reading by 'red' with stamps that are days from the others",
+    ),
     ("odom_red.csv", 1, "t", '"t', "there is no column 't'"),
     ("odom_red.csv", 7, "17", '"17', "line 7: 1 fields, not 3; it was left out"),
 ]

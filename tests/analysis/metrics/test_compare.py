@@ -100,6 +100,7 @@ FRAME = rows("a", BASE)
     [
         (("a", FRAME), "errors is of type str; it must be the table that cl.errors returns"),
         ((summarize(FRAME), "a"), "errors has no column 'trial'"),
+        ((FRAME[:0], "a"), "errors has no rows"),
         ((FRAME, {"t": "a"}), "baseline names none for scenario 's': add it"),
         ((pd.concat([FRAME, FRAME]), "a"), "s, a, trial 0 stands there twice"),
         ((FRAME.replace({"stream": {"h5": "h2"}}), "a"), "trials 2, 5 are of one stream; keep one of them"),

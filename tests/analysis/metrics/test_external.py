@@ -86,7 +86,7 @@ def word(line, column, value):
 @pytest.mark.parametrize(
     ("damage", "reason"),
     [
-        (lambda f: (f / "ekf-local" / "trial2-robot1.txt").unlink(), r"robot1\.txt is missing, .* robots 0 to 1"),
+        (lambda f: (f / "ekf-local" / "trial2-robot1.txt").unlink(), r"robot1\.txt is missing: .* robots 0 to 1"),
         (lambda f: (f / "ekf-local" / "trial2-robot2.txt").write_text(""), "robot2.txt is of no robot of the stream"),
         (shutil.rmtree, "there is no folder"),
         (lambda f: [shutil.rmtree(one) for one in f.iterdir()], r"holds no trial0-robot0\.txt"),
@@ -143,6 +143,13 @@ def test_a_stream_file_or_a_label_is_judged_beside_our_own(ours, written, tmp_pa
         assert table["estimator"].tolist() == ["ekf-local", "matlab"]
         assert table["rmse"][1] == pytest.approx(table["rmse"][0], rel=1e-6)
         assert table["certificate"].tolist() == ["", ELSEWHERE]
+
+
+def test_no_drift_is_printed_where_there_is_no_heading(tmp_path):
+    truth, stream = cl.simulate("trajectory[ticks=3]", trials=1)
+    cl.to_tum(truth, cl.run(["dead-reckoning"], stream), tmp_path, stream.time)
+    done = inside("judge", "trajectory[ticks=3]", "--tum", tmp_path / "dead-reckoning")
+    assert ("RMSE" in done.stdout, "drift" in done.stdout) == (True, False), done.stderr
 
 
 def test_the_command_prints_the_table(written):

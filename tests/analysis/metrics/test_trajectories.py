@@ -228,6 +228,9 @@ def test_a_robot_without_a_file_and_unknown_words_are_one_line(team, tmp_path):
     (tmp_path / "blue.txt").write_text((team / "mine/blue.txt").read_text())
     with pytest.raises(cl.BadInput, match=r"robot 'red' has no trajectory; did you mean 'read'"):
         judge_trajectories(team / "truth", {"mine": tmp_path})
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(cl.BadInput, match=r"holds no NAME\.txt or NAME\.csv, nor a bag"):
+        judge_trajectories(team / "truth", {"mine": tmp_path / "empty"})
     with pytest.raises(cl.BadInput, match=r"there is no align 'se3'; did you mean 'se2'"):
         judge_trajectories(team / "truth", {"mine": team / "mine"}, align="se3")
     with pytest.raises(cl.BadInput, match="pieces is 1000; it must be a whole number from 1 to 99"):

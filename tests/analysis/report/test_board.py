@@ -67,7 +67,7 @@ def test_a_board_needs_a_confirmation_of_the_run_as_it_is_now(tmp_path):
     (ran.folder / "manifest.json").write_text(json.dumps({**manifest, "cpu": "another"}))
     with pytest.raises(cl.BadInput, match="as the run is now"):
         cl.board([ran.folder], tmp_path / "site")
-    cl.board([ran.folder], tmp_path / "site", reproduce_first=True)
+    cl.board(ran.folder, tmp_path / "site", reproduce_first=True)
 
 
 @pytest.mark.slow

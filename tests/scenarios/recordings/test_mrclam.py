@@ -122,8 +122,8 @@ def test_what_is_dropped_is_counted_and_unknown_barcodes_are_named(data):
     write(data / "Robot1_Measurement.dat", rows)
     _, stream = simulate(data)
     assert [line.split(", which")[0] for line in stream.notes["warnings"]] == [
-        "Robot1_Measurement.dat: 2 readings of 'barcode 99'",
-        "Robot1_Measurement.dat: 1 readings of '1' by itself, were left out",
+        "Robot1_Measurement.dat: left out 2 readings of 'barcode 99'",
+        "Robot1_Measurement.dat: left out 1 reading of '1' by itself",
     ]
     assert stream.notes["landmark"] == {"readings": 3, "kept": 1, "collisions": 0, "outside_span": 2}
     assert not np.isfinite(stream.senses.sighting[0, :, [0, 1], [0, 1]]).any()

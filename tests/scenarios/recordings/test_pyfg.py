@@ -73,7 +73,7 @@ def test_a_graph_of_three_dimensions_is_refused(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        (COV, COV, "1 readings of 'A' by itself, were left out"),
+        (COV, COV, "left out 1 reading of 'A' by itself"),
         ("B1 1.0 0.0 0.0 " + COV, "B1 1.0", "EDGE_SE2 has 5 fields, not 13; it was left out"),
         ("A1 1.0 3.0 ", "A1 1.0 x ", "line 2: 'x' is not a number; it was left out"),
         ("A2 B1 6.3", "A2 B9 6.3", "line 15: there is no vertex 'B9'; it was left out"),

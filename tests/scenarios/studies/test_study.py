@@ -72,6 +72,7 @@ ALSO = GOOD + '[[also]]\nscenarios = ["nlos"]\nestimators = ["arl", "rssi-pf"]\n
         (ALSO + "estimator = 3\n", "there is no key 'estimator' in a block of [[also]]; did you mean 'estimators'?"),
         (GOOD + "trials = 0\n", "trials: it must be at least 1"),
         (GOOD + f'title = "{"x" * 140}"\n', "title: String should have at most 130 characters"),
+        (GOOD.replace('["trajectory"]', '"trajectory"'), "scenarios: it must be a list, not 'trajectory'"),
         (GOOD + "trials = [\n", "is not a TOML file"),
         (GOOD.replace('["arl"]', "[]"), "it has scenarios and no estimators"),
         (GOOD.replace('baseline = "arl"', 'baseline = "ctrn"'), "compares with 'ctrn', which is not one of its est"),
