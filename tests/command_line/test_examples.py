@@ -46,6 +46,7 @@ def test_an_example_passes_every_check(name):
     assert name not in NAMES or report.ran == len(CHECKS)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("label", ["robots-1-3/n=3", "packet-drop/drop=0.5", "asynchrony"])
 @pytest.mark.parametrize("name", NAMES[1:])
 def test_the_others_compute_what_the_loop_computes(name, label):
@@ -57,6 +58,7 @@ def test_the_others_compute_what_the_loop_computes(name, label):
         np.testing.assert_array_equal(other.bytes, loop.bytes)
 
 
+@pytest.mark.slow
 def test_learning_is_repeatable_and_the_learned_signal_of_the_path_loss_law_is_the_law(rng):
     learned = runpy.run_path(str(FOLDER / "learned_range.py"))
     with np.load(FOLDER / "learned_range.npz") as kept:

@@ -43,6 +43,7 @@ def test_every_file_whose_functions_are_inlined_elsewhere_is_listed_as_shared():
     assert {f.relative_to(ROOM).with_suffix("").as_posix() for f in files} <= set(SHARED)
 
 
+@pytest.mark.slow
 def test_no_bit_depends_on_which_kernel_was_compiled_first():
     """numba keeps one function for `x ** 2` in a process, as the first kernel that has one wants it, fast or strict."""
     bases = set()

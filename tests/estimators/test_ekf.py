@@ -58,6 +58,7 @@ def test_luft_is_exact_for_two_robots_without_private_readings():
     assert_dense(trace("luft", make("ekf-luft", gate=np.inf), stream), stream)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "relative"), [("ekf-local", False), ("ekf-joint", True)])
 def test_nees_lies_in_the_chi_square_band_when_every_model_is_true_and_linear(name, relative):
     trials, ticks, d = 400, 20, 2
@@ -69,6 +70,7 @@ def test_nees_lies_in_the_chi_square_band_when_every_model_is_true_and_linear(na
     assert abs(anees.mean() - 1) < 0.1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("correlated", [0.0, 0.4, -0.7])
 def test_second_order_range_update_is_the_best_linear_one(correlated):
     """Two robots, correlated through their history, and one range: against the moments of samples."""

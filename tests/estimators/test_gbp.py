@@ -50,6 +50,7 @@ def test_on_a_linear_tree_it_becomes_the_exact_posterior_although_packets_are_lo
         np.testing.assert_allclose(P[trial], [covariance[i, :, i] for i in range(4)], atol=1e-8)
 
 
+@pytest.mark.slow
 def test_on_a_linear_graph_with_loops_the_means_become_exact_and_covariances_too_small():
     _, stream = linear_team(seed=8, trials=2, robots=3, ticks=TICKS)
     x, P = _settled(cl.make("gbp", window=TICKS + 1, loss="none"), stream, 300)

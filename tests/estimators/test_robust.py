@@ -66,6 +66,7 @@ def test_a_reading_is_weighed_as_by_plain_numpy(loss):
 
 
 # `reciprocal-pf` draws particles by a sensor's error: at a hundred times that, some are far from every reading.
+@pytest.mark.slow
 @pytest.mark.parametrize("label", sorted({*LABELS} - {"reciprocal-pf"}))
 def test_readings_that_agree_are_used_as_without_a_loss(stream, label):
     """At a hundred times the standard deviation every innovation is near: another path, the same numbers."""

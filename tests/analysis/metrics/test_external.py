@@ -202,6 +202,7 @@ def test_a_dataset_with_the_truth_has_errors_and_units_and_goes_into_a_file(ours
     np.testing.assert_allclose(mean.values.ravel(), expected)
 
 
+@pytest.mark.slow
 def test_an_animation_shows_every_tick_of_its_own_stream(ours, tmp_path):
     truth, stream, run = ours
     _, ax = plt.subplots()

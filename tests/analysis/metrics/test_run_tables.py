@@ -48,6 +48,7 @@ def errors_of_cells():
     return pd.concat([rows(name, factor * MSE, scenario="nlos") for name, factor in (made | {"ekf-luft": 1.0}).items()])
 
 
+@pytest.mark.slow
 def test_every_row_is_compared_with_its_own_filter_and_reading_alone(errors_of_cells):
     table = information(errors_of_cells, seed=1).set_index("estimator")
     assert list(table.index) == ["arl", "ekf-local", "mrsl-rssi", "ekf-joint", "ekf-joint[anchor_reading=rssi]"]
@@ -83,6 +84,7 @@ def test_every_cell_of_the_shipped_study_sweeps_something_and_has_a_preset():
             assert np.isfinite(module.preset_value(parse_sweep(cell.scenario, estimator)))
 
 
+@pytest.mark.slow
 def test_estimators_are_compared_at_the_same_value():
     made = [
         rows(name, factor * value * MSE, scenario=f"nlos[prior_sigma={value}]", stream=f"h{value}-")

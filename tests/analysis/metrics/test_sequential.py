@@ -122,6 +122,7 @@ def test_the_table_has_p_values_that_hold_at_any_stopping():
     assert list(decided["verdict"]) == ["", "better", "open"]
 
 
+@pytest.mark.slow
 def test_a_plan_counts_the_trials_of_every_comparison(tmp_path):
     (tmp_path / "small.toml").write_text(
         'trials = 40\nbaseline = "arl[particles=20]"\nscenarios = ["trajectory[ticks=12]"]\n'

@@ -71,6 +71,7 @@ def test_it_gets_all_ticks_of_the_channels_it_declares_and_its_beliefs_are_kept(
     assert traced["one"].offline
 
 
+@pytest.mark.slow
 def test_it_is_not_ranked_never_best_and_said_to_be_offline(stream_and_truth):
     truth, stream = stream_and_truth
     rows = cl.errors(truth, cl.run({"filter": "ekf-local", "hindsight": cl.Smoother()}, stream, isolate=False))

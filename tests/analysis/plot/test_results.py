@@ -54,6 +54,7 @@ def test_a_sweep_is_drawn_as_lines_and_other_scenarios_side_by_side():
     assert (beside.get_xlabel(), len(beside.get_xticklabels())) == ("", 4)
 
 
+@pytest.mark.slow
 def test_the_labels_of_many_scenarios_do_not_overlap():
     ax = cl.plot.rmse(pd.concat([rows_of(f"robots-1-3/n={i}[ticks=50,drop=0.{i}]", TEAM) for i in range(1, 25)]))
     ax.figure.canvas.draw()

@@ -83,6 +83,7 @@ def test_the_tables_have_every_scenario_and_what_explains_them(written):
     assert latex.count(r"\textsuperscript{o}") > 1  # who is over-confident, and what that means
 
 
+@pytest.mark.slow
 def test_what_does_not_fit_or_is_unknown_is_said(kept):
     with pytest.raises(BadInput, match="no column 'rsme'; did you mean 'rmse'"):
         paper.write(kept, kept.folder / "no", ["rsme"])

@@ -165,6 +165,7 @@ def test_a_plug_in_is_tuned_in_processes_of_its_own_and_a_value_that_it_refuses_
     assert not (tmp_path / f"imported-by-{os.getpid()}").exists()
 
 
+@pytest.mark.slow
 def test_a_recording_is_tuned_on_other_runs(data):
     other = {"log/one": ("log/two", "log/three")}
     study = Study(name="l", trials=1, scenarios=("log/one",), estimators=("ekf-local",), training=other)

@@ -66,6 +66,7 @@ def test_constant_density_is_a_gaussian_of_the_wrapped_error():
     np.testing.assert_allclose(log - log[0], want - want[0], atol=1e-9)
 
 
+@pytest.mark.slow
 def test_sigma_is_the_rms_error_over_the_arena_and_errors_are_large_near_its_centre():
     error, x, y = arrival_error(6.0, NOISE, draws=1_000_000)
     off, square = np.hypot(x - 3, y - 3), error**2

@@ -89,6 +89,7 @@ def test_each_check_catches_what_it_is_for(estimator, check, words):
     assert result.remedy
 
 
+@pytest.mark.slow
 def test_what_does_not_run_or_does_not_repeat_itself_is_not_checked_further():
     report = check_estimator(broken.NotFinite())
     assert_ran(report, ["runs"])
@@ -151,6 +152,7 @@ def test_a_report_counts_and_prints_what_ran_and_is_escaped_in_a_notebook():
     assert not Report("all skipped", REPORT.results[2:]).passed
 
 
+@pytest.mark.slow
 def test_a_range_that_pays_only_where_robots_are_unequally_certain_counts_as_used():
     """Covariance intersection of two equally vague robots keeps what each had."""
     assert "radio_range" in declaration(Harness("ekf-ci", make("ekf-ci", anchor_reading="none"), 0))

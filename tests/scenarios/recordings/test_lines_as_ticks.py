@@ -148,6 +148,7 @@ def test_a_part_of_another_run_is_not_a_run_and_is_not_fitted_on(data):
     assert [fitted[-4:] for fitted in on.values()] == ["b, c", "a, c", "a, c", "a, c"]
 
 
+@pytest.mark.slow
 def test_readings_that_are_correlated_in_time_are_assumed_noisier(data):
     for i, name in enumerate("bc", 1):
         write(data, name, lines(i, 1500, correlation=0.6))

@@ -85,6 +85,7 @@ def test_raw_ranges_keep_their_bias_and_sigma_contains_it(long):
     np.testing.assert_array_equal(raw.senses.odometry, fitted.senses.odometry)
 
 
+@pytest.mark.slow
 def test_nothing_that_is_judged_changes_what_the_team_is_told(recorded, tmp_path):
     """Truth and ranges of the judged part are shaken, and moved far away; models, odometry and readings stay."""
     folder = lab(recorded, tmp_path, SHORT, runs=())

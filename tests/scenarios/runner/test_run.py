@@ -88,6 +88,7 @@ def test_what_cannot_run_is_refused_with_the_remedy(given, stream, words):
     assert "\n" not in str(refusal.value)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["init", "predict", "correct", "send", "fuse", "estimate"])
 def test_a_forgotten_return_is_named_with_its_method_and_tick(method):
     when = "before tick 0" if method == "init" else "at tick 0"

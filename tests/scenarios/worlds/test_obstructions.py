@@ -45,6 +45,7 @@ def test_walls_are_counted_as_shapely_counts_them():
     assert len(np.unique(expected)) > 3
 
 
+@pytest.mark.slow
 @given(point, point, point, point)
 @settings(max_examples=400)
 def test_touching_and_collinear_walls_too(a, b, p, q):

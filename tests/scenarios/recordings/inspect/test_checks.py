@@ -127,6 +127,7 @@ def findings(log):
     return check_recording(log).findings
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("world", WORLDS)
 def test_a_clean_team_has_few_findings(world):
     found = [findings(team_log(world, seed)) for seed in range(3)]

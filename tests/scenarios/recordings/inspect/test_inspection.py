@@ -30,6 +30,7 @@ def test_eight_deliberate_glitches_are_each_named_and_stand_in_log_toml(tmp_path
         assert line in truth
 
 
+@pytest.mark.slow
 def test_directories_of_a_team_are_runs_and_share_the_places_above(tmp_path, clean):
     write(tmp_path / "team" / "monday", clean)
     write(tmp_path / "team" / "tuesday", two_robots(seed=2, seconds=60))
@@ -40,6 +41,7 @@ def test_directories_of_a_team_are_runs_and_share_the_places_above(tmp_path, cle
     assert tomllib.loads(inspection.log_toml)["fit"] == {"on": "other runs"}
 
 
+@pytest.mark.slow
 def test_files_that_follow_each_other_are_runs_of_one_robot(tmp_path, clean):
     for k in range(3):
         odometry, truth = clean["odom_red.csv"], clean["truth_red.csv"]

@@ -195,6 +195,7 @@ def test_a_run_that_repeats_another_is_left_out_and_named(tmp_path):
     assert lines[-1] == f"{tmp_path}: run 'run1' was left out: it repeats run 'run0'"
 
 
+@pytest.mark.slow
 def test_a_draft_that_does_not_run_says_what_to_state(tmp_path):
     files = two_robots(seconds=60)
     for name in ("truth_red.csv", "truth_blue.csv"):
@@ -202,6 +203,7 @@ def test_a_draft_that_does_not_run_says_what_to_state(tmp_path):
     assert "state clock_offset" in cl.inspect(write(tmp_path / "team", files)).inspected.trial.problem
 
 
+@pytest.mark.slow
 def test_models_of_a_recording_that_is_too_short_to_be_fitted_are_assumed(tmp_path):
     found = cl.inspect(write(tmp_path / "team", two_robots(seconds=4)))
     found.write()
@@ -217,6 +219,7 @@ def test_the_draft_of_a_real_recording_runs(tmp_path, place, change, monkeypatch
     require_run_of_draft(DATA / place, tmp_path / "out", change, monkeypatch)
 
 
+@pytest.mark.slow
 def test_a_bag_without_truth_is_inspected(tmp_path, monkeypatch):
     without = {topic: name for topic, name in made_bags.TOPICS.items() if "mocap" not in topic and "amcl" not in topic}
     monkeypatch.setattr(made_bags, "TOPICS", without)
