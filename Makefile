@@ -15,7 +15,7 @@ demo: $(VENV)/.ready  ## run the quick study, print its table, write its picture
 test: lint  ## everything CI checks
 	$(BIN)/pytest $(PARALLEL)
 
-quick-test: lint  ## every room in a minute or two: all but the tests marked slow
+quick-test: lint  ## every room in about a minute: all but the tests marked slow
 	$(BIN)/pytest $(PARALLEL) -m "not slow"
 
 lint: $(VENV)/.ready  ## style, types, and what may import what
