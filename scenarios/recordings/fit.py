@@ -4,24 +4,19 @@ A value that the description states, or a parameter overrides, is not fitted. Wi
 Then sigma of readings is that of the Gaussian core, as filters refuse what is far from it; sigma of odometry, which no
 filter refuses, is the median run's root mean square.
 
-Sources: P. J. Huber, E. M. Ronchetti, "Robust Statistics", 2nd ed., 2009, secs. 7.7 and 7.8 (proposal 2, by iterated
-weights); T. Gneiting, A. Raftery, "Strictly proper scoring rules, prediction, and estimation", JASA 102, 2007, eq. 21;
-L. Breiman et al., "Classification and Regression Trees", 1984, sec. 3.4.3 (the rule of one standard error).
+Source: P. J. Huber, E. M. Ronchetti, "Robust Statistics", 2nd ed., 2009, secs. 7.7 and 7.8 (proposal 2, by iterated
+weights).
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import suppress
-from itertools import pairwise
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from scipy.stats import norm
-from scipy.stats import t as student
 
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Indices, Mask, Motion, Sensor
 from cooploc.estimators.models import NEAR, Displacement, LogDistance, Range, Sighting, Unicycle, wrap
-from cooploc.estimators.robust import DEGREES, Loss, lost
 from cooploc.scenarios.recordings.sampling import Gaps, Grid, bearing, ends, grid_of_lines, odometry, poses
 from cooploc.scenarios.recordings.team_log import Channel, TeamLog, fixed_places, other_names
 
@@ -319,6 +314,12 @@ def _clip(e: Array, sigma: float, robust: bool) -> Array:
     return np.clip(e, -FAR * sigma, FAR * sigma) if robust else e
 
 
+def _noise(r: Residuals, e: Array, robust: bool) -> tuple[float, Memory]:
+    """Return sigma and memory of residuals (m,); of fewer than three, nan and none."""
+    sigma = max(_sigma(e, robust), LEAST) if len(e) >= 3 else np.nan
+    return sigma, memory(r, _clip(e, sigma, robust)) if len(e) >= 3 else Memory()
+
+
 # ---- Sensors
 
 
@@ -349,10 +350,7 @@ PathLoss = tuple[float, float, float, Memory]  # A [dBm], eta, sigma [dB] and me
 def fit_path_loss(r: Residuals, A: float | None, eta: float | None, robust: bool) -> PathLoss:
     """Fit z = A - 10 eta log10 d."""
     c, e, _ = _fit_log_distance(log_distance(r.distance), r.z[:, 0], A, eta, robust)
-    if len(e) < 3:
-        return float(c[0]), float(c[1]), np.nan, Memory()
-    sigma = max(_sigma(e, robust), LEAST)
-    return float(c[0]), float(c[1]), sigma, memory(r, _clip(e, sigma, robust))
+    return float(c[0]), float(c[1]), *_noise(r, e, robust)
 
 
 def fit_path_loss_of_lines(
@@ -466,12 +464,9 @@ def _range_model(
 def _sighting_model(channel: Channel, found: Residuals, how: FitSettings) -> tuple[Sighting, dict[str, Any]]:
     notes: dict[str, float] = {}
     for quantity, e in (("range", found.z[:, 0] - found.distance), ("bearing", found.z[:, 1])):
-        known, name = np.isfinite(e), f"{channel}_sigma_{quantity}"
-        sigma, remembered = np.nan, Memory()  # where readings or true headings are few
-        if known.sum() >= 3:
-            sigma = max(_sigma(e[known], how.robust), LEAST)
-            some = found._replace(link=found.link[known], tick=found.tick[known])
-            remembered = memory(some, _clip(e[known], sigma, how.robust))
+        known, name = np.isfinite(e), f"{channel}_sigma_{quantity}"  # true headings may be few
+        some = found._replace(link=found.link[known], tick=found.tick[known])
+        sigma, remembered = _noise(some, e[known], how.robust)
         notes[name] = how.sigma(name, sigma, remembered)
         notes[f"{channel}_{quantity}_lag1"] = remembered.lag1
     return Sighting(notes[f"{channel}_sigma_range"], notes[f"{channel}_sigma_bearing"]), notes
@@ -539,112 +534,3 @@ def _errors(name: str, r: Residuals, sensor: Sensor) -> Iterator[tuple[str, str,
     elif isinstance(sensor, Sighting):
         yield f"{name} range", "m", too_long, sensor.sigma_range
         yield f"{name} bearing", "rad", r.z[:, 1], sensor.sigma_bearing
-
-
-# ---- Choice between least squares and Huber's fit, by what each predicts of a part that it was not fitted on
-
-PIECES = 5  # of a single part
-
-
-def choose_fit(log: TeamLog, parts: Sequence[FitPart], how: FitSettings) -> tuple[FitSettings, str]:
-    """Return the settings with `robust` as chosen, and a sentence that says why, with both scores.
-
-    Of several runs each is left out once, of a single part each of five equal pieces. What is left out is scored by the
-    CRPS, a distance between forecast and reading that is proper and grows but linearly with an outlier. Huber's fit is
-    taken unless least squares is better by more than one standard error over the parts, as a tie is noise.
-    """
-    if not parts:
-        return how._replace(robust=True), "nothing is fitted"
-    errors = np.array([[held_out_error(log, *fold, how, robust) for robust in (False, True)] for fold in _folds(parts)])
-    errors = errors[np.isfinite(errors).all(1)]
-    if len(errors) < 2:
-        return how._replace(robust=True), "fitted robustly (Huber's loss); too little can be left out to compare"
-    robust = is_no_worse(errors)
-    chosen = "robustly (Huber's loss)" if robust else "by least squares"
-    plain, huber = np.exp(np.log(errors).mean(0))
-    tie = " (no more than a standard error worse)" * bool(robust and huber > plain)
-    what = _left_out(errors, parts)
-    return how._replace(robust=robust), (
-        f"fitted {chosen}: {what}, are predicted with an error (CRPS) of {huber:.3g} by the robust fit{tie}, of "
-        f"{plain:.3g} by least squares"
-    )
-
-
-def _folds(parts: Sequence[FitPart]) -> list[tuple[list[FitPart], FitPart]]:
-    pieces = list(parts)
-    if len(parts) == 1:
-        edges = np.linspace(parts[0].begin, parts[0].end, PIECES + 1).tolist()
-        pieces = [parts[0]._replace(begin=a, end=b) for a, b in pairwise(edges)]
-    return [([*pieces[:i], *pieces[i + 1 :]], out) for i, out in enumerate(pieces)]
-
-
-def _left_out(scores: Array, parts: Sequence[FitPart]) -> str:
-    return f"{len(scores)} {'pieces' if len(parts) == 1 else 'runs'}, left out in turn"
-
-
-SPREADS: Mapping[Loss, float] = {  # log of the integral of exp(-rho)
-    "none": float(np.log(2 * np.pi) / 2),
-    "huber": float(np.log(np.sqrt(2 * np.pi) * (2 * norm.cdf(K) - 1) + 2 * np.exp(-(K**2) / 2) / K)),
-    "student": -float(student.logpdf(0, DEGREES)),
-}
-
-
-def choose_loss(log: TeamLog, parts: Sequence[FitPart], how: FitSettings) -> tuple[Loss, str]:
-    """Return the loss by which filters weigh the readings, and a sentence that says why, with its score.
-
-    What is left out is scored as by `choose_fit`, by the log-likelihood of its readings under the density of each loss.
-    Readings count fully unless another density is better by more than one standard error over the parts.
-    """
-    scores = []
-    for fitted, out in _folds(parts):
-        with suppress(BadInput):
-            models = team_models(log, fitted, how._replace(inflate=False))
-            found = [one.residual / one.sigma for one in link_residuals(log, [], out, models, how) if len(one.residual)]
-            d2 = np.concatenate(found or [np.empty(0)]) ** 2
-            if len(d2):
-                scores.append([(lost(loss, d2, 1) / 2).mean() + spread for loss, spread in SPREADS.items()])
-    if len(scores) < 2:
-        return "none", "readings count fully (loss=none), as too little can be left out to compare"
-    gains = np.array(scores)[:, :1] - np.array(scores)[:, 1:]
-    mean, error = gains.mean(0), gains.std(0, ddof=1) / np.sqrt(len(gains))
-    best = int(np.argmax(mean))
-    other, better = list(SPREADS)[1 + best], bool(mean[best] > error[best])
-    chosen, count = (other, "far from what is expected count less") if better else ("none", "count fully")
-    return chosen, (
-        f"readings {count} (loss={chosen}): of {_left_out(gains, parts)}, loss={other} changes the log-likelihood of a "
-        f"reading by {mean[best]:+.3f} from that of Gaussian noise (one standard error: {error[best]:.3f})"
-    )
-
-
-def is_no_worse(errors: Array) -> bool:
-    """Return whether log errors (folds, 2: least squares, robust) rise by one standard error over folds at most."""
-    worse = np.log(errors[:, 1] / errors[:, 0])
-    return bool(worse.mean() <= worse.std(ddof=1) / np.sqrt(len(worse)))
-
-
-def held_out_error(log: TeamLog, fitted: Sequence[FitPart], out: FitPart, how: FitSettings, robust: bool) -> float:
-    """Return the geometric mean over quantities of the mean CRPS in what is left out; nan where nothing is fitted."""
-    how = how._replace(robust=robust, inflate=False)  # each reading is predicted alone
-    try:
-        models = team_models(log, fitted, how)
-    except BadInput:
-        return np.nan
-    found: dict[str, list[Array]] = {}
-    for one in link_residuals(log, [], out, models, how):
-        found.setdefault(one.what, []).append(crps(one.residual, one.sigma))
-    sigmas = {"displacement": models.motion.sigma} if isinstance(models.motion, Displacement) else {}
-    if isinstance(models.motion, Unicycle):
-        sigmas = {"length": models.motion.sigma_v * how.tick, "turn": models.motion.sigma_omega * how.tick}
-    for robot, scale in zip(log.robots, models.scales, strict=True):
-        for track in tracks_of([out], robot, how):
-            for quantity, sigma in sigmas.items():
-                x, y, dt = PAIRS[quantity](track._replace(odometry=track.odometry * scale))
-                found.setdefault(quantity, []).append(crps((y - x) / np.sqrt(dt), sigma / how.tick**0.5))
-    each = np.array([np.concatenate(scores).mean() for scores in found.values() if sum(map(len, scores))])
-    return float(np.exp(np.log(np.maximum(each, LEAST_SCALE)).mean())) if len(each) else np.nan
-
-
-def crps(e: Array, sigma: float) -> Array:
-    """Return sigma (z (2 Phi(z) - 1) + 2 phi(z) - 1/sqrt(pi)), z = e/sigma, of errors e (m,)."""
-    z = e / max(sigma, LEAST_SCALE)
-    return np.asarray(sigma * (z * (2 * norm.cdf(z) - 1) + 2 * norm.pdf(z) - 1 / np.sqrt(np.pi)))

@@ -30,11 +30,10 @@ from cooploc.scenarios.recordings.fit import (
     FitSettings,
     LinkResiduals,
     TeamModels,
-    choose_fit,
-    choose_loss,
     link_residuals,
     team_models,
 )
+from cooploc.scenarios.recordings.fit_choice import choose_fit, choose_loss
 from cooploc.scenarios.recordings.sampling import Gaps, Grid, grid_of_lines
 from cooploc.scenarios.recordings.schema import NAME, TeamDescription
 from cooploc.scenarios.recordings.team_log import TeamLog, arena_around

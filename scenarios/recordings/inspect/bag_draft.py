@@ -10,8 +10,8 @@ import numpy as np
 
 from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.recordings.bags import TopicSeries, read_topics, topics
-from cooploc.scenarios.recordings.inspect.csv_draft import ODOMETRY, name_meaning, pairs_of_robots, words_of
 from cooploc.scenarios.recordings.inspect.draft_toml import Draft, DraftTable, Entry
+from cooploc.scenarios.recordings.inspect.naming import ODOMETRY, name_meaning, pairs_of_robots, words_of
 from cooploc.scenarios.recordings.radio_nodes import NodeRanges, assign
 from cooploc.scenarios.recordings.team_log import Series
 

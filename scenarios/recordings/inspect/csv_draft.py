@@ -1,24 +1,21 @@
 """A log.toml for a directory of CSV files: what each column is and whose, always with the reason.
 
 A column's meaning follows from its name first, then from its values; its robot from a column of names, else from the
-names of the files. `column_names.toml` has the words.
+names of the files.
 """
 
 import csv
-import re
-import tomllib
 from collections.abc import Iterable, Mapping, Sequence
-from importlib.resources import files as resources
-from itertools import pairwise, permutations
+from itertools import pairwise
 from pathlib import Path
 from reprlib import repr as short_repr
 from typing import Any, NamedTuple
-from unicodedata import normalize
 
 import numpy as np
 
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array
+from cooploc.scenarios.recordings.inspect import naming
 from cooploc.scenarios.recordings.inspect.checks import Finding
 from cooploc.scenarios.recordings.inspect.draft_toml import Draft, DraftTable, Entry
 from cooploc.scenarios.recordings.schema import COLUMNS, UNITS
@@ -30,56 +27,6 @@ REMEDY = "name the files odom_NAME.csv and truth_NAME.csv, or write log.toml by 
 READINGS = {"sightings": ("range", "bearing"), "ranges": ("range",), "rssi": ("rssi",)}  # table -> its columns
 STAMPS = ("time", "sec", "nsec")
 KINDS = ("velocity", "path", "displacement", "pose")  # of odometry; the first whose columns a file has
-
-# --- Names
-
-_WORDS = tomllib.loads((resources(__package__) / "column_names.toml").read_text("utf-8"))
-
-
-def _meanings(table: str) -> dict[str, str]:
-    return {word: meaning for meaning, words in _WORDS[table].items() for word in words.split()}
-
-
-QUANTITY, SIDE, UNIT, OTHERS = map(_meanings, ("quantities", "sides", "units", "others"))
-QUANTITY_OF_PAIR = {pair: quantity.replace("nothing", "") for quantity, of in _WORDS["pairs"].items() for pair in of}
-ODOMETRY = {word for word, side in SIDE.items() if side == "odometry"}
-LENGTH, ANGLE, RATES = ("m", "cm", "mm"), ("rad", "deg"), ("speed", "turn_rate")
-UNITS_OF = {
-    "time": ("s", "ms", "us", "ns"),
-    "rssi": ("dBm",),
-    "heading": ANGLE,
-    "bearing": ANGLE,
-    "sec": (),
-    "nsec": (),
-}
-
-
-def words_of(name: str) -> list[str]:
-    """Return the words of a name in small letters: camelCase, digits and signs divide it."""
-    plain = normalize("NFKD", name).encode("ascii", "ignore").decode().replace("{robot}", " ").replace("{other}", " ")
-    return [word.lower() for word in re.findall(r"[A-Za-z]+", re.sub(r"([a-z])([A-Z])", r"\1 \2", plain))]
-
-
-def name_meaning(column: str) -> tuple[str, str, str]:
-    """Return quantity, unit and side by a column's name, "" where unknown; a unit that does not fit is left out."""
-    inside = re.search(r"[\[(]([^\])]*)[\])]", column.replace("°", "deg"))
-    words = words_of(re.sub(r"[\[(][^\])]*[\])]", " ", column))
-    pair = next((f"{a} {b}" for a, b in pairwise(words) if f"{a} {b}" in QUANTITY_OF_PAIR), "")
-    known = [QUANTITY[word] for word in words if word in QUANTITY]
-    unknown = "range" if "{other}" in column and words in (["r"], ["rho"]) else ""
-    quantity = QUANTITY_OF_PAIR[pair] if pair else min(known, key=list(_WORDS["quantities"]).index, default=unknown)
-    unit = next((UNIT[word] for word in (words_of(inside[1]) if inside else words[1:]) if word in UNIT), "")
-    if quantity in RATES:
-        unit = f"{unit}/s" if unit in (*LENGTH, *ANGLE) else unit * ("/" in unit)
-    elif unit not in UNITS_OF.get(quantity, LENGTH):
-        unit = ""
-    return quantity, unit, side_of(words)
-
-
-def side_of(words: Sequence[str]) -> str:
-    """Return "truth" or "odometry" if words speak of it; odometry, if of both."""
-    return min((SIDE[word] for word in words if word in SIDE), default="")
-
 
 # --- Files
 
@@ -131,7 +78,7 @@ def read_csv(path: Path, name: str) -> CsvTable:
     whole = [row for _, row in rows if len(row) == len(head)]
     if not whole:
         raise BadInput(f"{path}: it has no line of data with {len(head)} fields as in line {line}; get the file again")
-    patterns, robots = columns_of_robots(head)
+    patterns, robots = naming.columns_of_robots(head)
     columns: dict[str, Array | tuple[str, ...]] = {}
     for column, words in zip(head, zip(*whole, strict=True), strict=True):  # of several robots the first one's values
         numbers = np.array([parse_field(word) for word in words])
@@ -140,43 +87,6 @@ def read_csv(path: Path, name: str) -> CsvTable:
         columns.setdefault(patterns.get(column, column), np.where(good, numbers, np.nan) if is_number else words)
     found = CsvTable(name, delimiter, columns, (), robots)
     return found._replace(guesses=infer_columns(found))
-
-
-def columns_of_robots(head: Sequence[str]) -> tuple[dict[str, str], tuple[str, ...]]:
-    """Return the columns of a file that has some for each robot, with {robot} in their names, and the robots.
-
-    red_x, red_y, blue_x, blue_y are {robot}_x and {robot}_y of red and blue; d12 is d{robot}{other} of 1 and 2. Two
-    columns of motion or position must be there for every robot.
-    """
-    words_at: dict[str, dict[str, str]] = {}  # pattern -> {robot: column}
-    no_names = {*QUANTITY, *SIDE, *UNIT, *(word for word, kind in OTHERS.items() if kind == "no_robots")}
-    for column in head:
-        for match in re.finditer(r"\d+|[A-Za-z]+?(?=\d|[A-Z][a-z]|[^A-Za-z]|$)", column):
-            if not (words := {*words_of(match[0])}) or words - no_names:
-                pattern = f"{column[: match.start()]}{{robot}}{column[match.end() :]}"
-                words_at.setdefault(pattern, {})[match[0]] = column
-    teams: dict[frozenset[str], set[str]] = {}
-    for pattern, of in words_at.items():
-        if len(of) > 1 and name_meaning(pattern)[0] in ("x", "y", "speed", "turn_rate", "heading"):
-            teams.setdefault(frozenset(of), set()).add(name_meaning(pattern)[0])
-    team = max(teams, key=lambda team: (len(teams[team]), len(team)), default=frozenset[str]())
-    if not any(teams.get(team, set()) >= needed for needed in ({"x", "y"}, {"speed", "turn_rate"})):
-        return {}, ()
-    found = {column: p for p, of in words_at.items() if {*of} == team for column in of.values()}
-    robots = tuple(dict.fromkeys(word for of in words_at.values() if {*of} == team for word in of))
-    return found | pairs_of_robots(head, robots), robots
-
-
-def pairs_of_robots(names: Iterable[str], robots: Sequence[str]) -> dict[str, str]:
-    """Return patterns of names with two robots: r12 is r{robot}{other} of 1 and 2, uwb_1_2 is uwb_{robot}_{other}."""
-    found: dict[str, str] = {}
-    for a, b in permutations(map(re.escape, robots), 2):
-        pair = re.compile(rf"(?<![A-Za-z0-9]){a}(\D*?){b}(?![A-Za-z0-9])|(?<=[A-Za-z]){a}(\D*?){b}(?!\d)")
-        for name in names:
-            pattern = pair.sub(lambda m: f"{{robot}}{m[1] or m[2] or ''}{{other}}", name)
-            if pattern != name and name_meaning(pattern)[0] in ("range", "rssi"):
-                found[name] = pattern
-    return found
 
 
 def _read_files(paths: Iterable[Path], folder: Path, data: Path) -> tuple[list[CsvTable], list[str]]:
@@ -197,7 +107,6 @@ def _text_files(folder: Path) -> list[Path]:
 
 # --- Values
 
-SI = {"time": "s", "sec": "s", "nsec": "ns", "turn_rate": "rad/s", "speed": "m/s", "rssi": "dBm"}  # else m
 EPOCHS = {"ns": 1e9, "us": 1e6, "ms": 1e3, "s": 1.0}  # in a second
 SINCE_1970 = (5e8, 5e9)  # [s] from 1985 to 2128
 SLOW = 2.0  # [1/s] in radians robots turn more slowly, in degrees faster
@@ -208,9 +117,9 @@ TUM = (("time", "s"), ("x", "m"), ("y", "m"), ("", ""))  # quantities and units 
 
 def infer_columns(table: CsvTable) -> tuple[Guess, ...]:
     """Guess the meaning of each column."""
-    file_side, quaternions = side_of(words_of(Path(table.name).stem)), _quaternions(table)
+    file_side, quaternions = naming.side_of(Path(table.name).stem), _quaternions(table)
     guesses = [
-        quaternions[column]._replace(side=side_of(words_of(column)) or file_side)
+        quaternions[column]._replace(side=naming.side_of(column) or file_side)
         if column in quaternions
         else _guess(table, column, file_side)
         for column in table.columns
@@ -246,10 +155,10 @@ def _quaternions(table: CsvTable) -> dict[str, Guess]:
 
 
 def _guess(table: CsvTable, column: str, file_side: str) -> Guess:
-    quantity, named_unit, side = name_meaning(column)
+    quantity, named_unit, side = naming.name_meaning(column)
     reason, values = f"its name {column!r}", table.numbers(column)
     change = np.diff(values)
-    beside = {name_meaning(name)[::2] for name in table.columns}
+    beside = {naming.name_meaning(name)[::2] for name in table.columns}
     places = [name for name in (column[:-1] + q for q in "xy") if name in table.columns]
     unknown = ""
     if not quantity:
@@ -260,7 +169,7 @@ def _guess(table: CsvTable, column: str, file_side: str) -> Guess:
         quantity == "turn_rate"
         and column[1:]
         and column[-1] == "w"
-        and [name_meaning(n)[0] for n in places] == ["x", "y"]
+        and [naming.name_meaning(n)[0] for n in places] == ["x", "y"]
         and "speed" not in dict(beside)
     ):
         unknown = "w beside x and y: part of a quaternion, or a heading"
@@ -278,7 +187,7 @@ def _guess(table: CsvTable, column: str, file_side: str) -> Guess:
 
 def _turn_rate(table: CsvTable, column: str) -> float:
     """Return how fast a column of angles turns: the 90th percentile of its changes [1/s]; inf where that is unknown."""
-    stamp = next((c for c in table.columns if name_meaning(c)[0] == "time"), column)
+    stamp = next((c for c in table.columns if naming.name_meaning(c)[0] == "time"), column)
     t, values = table.columns[stamp], table.columns[column]
     if isinstance(t, tuple) or isinstance(values, tuple) or not np.isfinite(t).any():
         return np.inf
@@ -293,9 +202,9 @@ def _unit(quantity: str, named: str, values: Array, turn_rate: float) -> tuple[s
         return "", ""
     if named:
         return named, f"{named} is in its name"
-    angle = UNITS_OF.get(quantity) == ANGLE
+    usual_unit = (naming.SI | naming.RATES).get(quantity, "m")
     if not len(values):
-        return SI.get(quantity, "rad" if angle else "m"), "no values"
+        return usual_unit, "no values"
     if quantity == "time":
         return _time_unit(values)
     largest, usual = (float(q) for q in np.quantile(np.abs(values), [0.99, 0.75]))
@@ -303,16 +212,12 @@ def _unit(quantity: str, named: str, values: Array, turn_rate: float) -> tuple[s
     slow = turn_rate < SLOW and not (np.abs(np.diff(values)) > 300).any()
     unwrapped = f"turn by up to {turn_rate:.2g} in a second: radians, unwrapped, perhaps"
     rules = (
-        (angle and far and slow, "rad", f"values reach {largest:.4g} and {unwrapped}"),
-        (angle and far and largest <= 361, "deg", f"values reach {largest:.4g}, more than 2 pi"),
-        (angle, "rad", f"values reach {largest:.3g}"),
-        (
-            quantity == "turn_rate" and usual > 2 * np.pi,
-            "deg/s",
-            f"values reach {largest:.4g}: no robot spins so fast in rad/s",
-        ),
+        (usual_unit == "rad" and far and slow, "rad", f"values reach {largest:.4g} and {unwrapped}"),
+        (usual_unit == "rad" and far and largest <= 361, "deg", f"values reach {largest:.4g}, more than 2 pi"),
+        (usual_unit == "rad", "rad", f"values reach {largest:.3g}"),
+        (quantity == "turn_rate" and usual > 2 * np.pi, "deg/s", f"values reach {largest:.4g}: too fast in rad/s"),
         (quantity == "speed" and largest > 30, "mm/s", f"values reach {largest:.4g}: too fast for m/s"),
-        (quantity in SI, SI.get(quantity, ""), "SI" * (quantity in RATES)),
+        (usual_unit != "m", usual_unit, "SI" * (quantity in naming.RATES)),
         (span > 1000, "mm", f"values span {span:.4g}: too far for metres"),
         (span > 100, "cm", f"values span {span:.4g}: far for metres, perhaps"),
     )
@@ -366,7 +271,9 @@ def _parts(file: CsvTable) -> list[TablePart]:
         label = own.get("robot") or own.get("other") or next((g for g in file.guesses if g.column not in "xy"), None)
         if not {"x", "y"} <= own.keys() or label is None:
             return []
-        kinds = {OTHERS.get(word) for word in (*words_of(Path(file.name).stem), *words_of(label.column))}
+        kinds = {
+            naming.OTHERS.get(word) for word in (*naming.words_of(Path(file.name).stem), *naming.words_of(label.column))
+        }
         table = "landmarks" if "landmarks" in kinds and "anchors" not in kinds else "anchors"
         return [TablePart(table, (file,), {"name": label, "x": own["x"], "y": own["y"]})]
     parts, left = [], list(file.guesses)
@@ -390,7 +297,7 @@ def _parts(file: CsvTable) -> list[TablePart]:
 
 def _name_readings(file: CsvTable, robots: Sequence[str], fixed: Sequence[str]) -> CsvTable:
     """Return the file with its columns of two robots as patterns, and those named as places as readings of these."""
-    if not file.robots and (pairs := pairs_of_robots(file.columns, robots)):
+    if not file.robots and (pairs := naming.pairs_of_robots(file.columns, robots)):
         file = file._replace(columns={pairs.get(c, c): values for c, values in file.columns.items()})
         file = file._replace(guesses=infer_columns(file))
     of = [column for column in file.columns if column in fixed and len(file.numbers(column))]
@@ -428,7 +335,7 @@ def _merge_parts(parts: Sequence[TablePart], unused: list[str]) -> list[TablePar
             before, columns = merged[key], {}
             for q, guess in before.columns.items():
                 other = part.columns[q]
-                better = guess if guess.unit in UNITS else other  # of two units that of SI is more probable
+                better = guess if guess.unit in UNITS else other  # of two units that of naming.SI is more probable
                 why = f"files differ, in {part.files[0].name} it is {other.unit}, perhaps"
                 columns[q] = guess if guess.unit == other.unit else better._replace(reason=why)
             part = before._replace(columns=columns, files=(*before.files, *part.files))
@@ -467,7 +374,7 @@ def _are_runs_of_one_robot(files: Sequence[CsvTable]) -> tuple[bool, str]:
         if len(t) > 1:
             stamps.append((t[0], t[-1]))
     overlaps = sum(later[0] < earlier[1] for earlier, later in pairwise(sorted(stamps)))
-    robots = file_pattern([file.name for file in files])[1]
+    robots = naming.file_pattern([file.name for file in files])[1]
     if len(stamps) > 1 and (overlaps < len(stamps) / 2 or len(robots) < len(files)):
         how = "one after the other in time" if overlaps < len(stamps) / 2 else "whose names differ in more than a word"
         return True, f"{len(files)} files of the same columns, {how}: runs of one robot"
@@ -481,63 +388,17 @@ def _robots(folder: Path, parts: Sequence[TablePart]) -> tuple[str, ...]:
     if wide := next((file.robots for part in own for file in part.files if file.robots), ()):
         return wide
     if column := next((part for part in own if "robot" in part.columns), None):
-        return tuple(map(_clean_name, column.names("robot")))
+        return tuple(map(naming.clean_name, column.names("robot")))
     for part in own:
-        if names := file_pattern(part.file_names)[1]:
-            named = [file_pattern(other.file_names, names)[1] or names for other in own]
+        if names := naming.file_pattern(part.file_names)[1]:
+            named = [naming.file_pattern(other.file_names, names)[1] or names for other in own]
             return tuple(name for name in names if all(name in some for some in named)) or names
     files = {name for part in own for name in part.file_names}
     if len(files) == 1:
-        return (_clean_name(Path(files.pop()).stem),)
+        return (naming.clean_name(Path(files.pop()).stem),)
     if all(len(part.files) == 1 for part in own):
         return ("robot",)  # one file of odometry and one of the truth
     raise BadInput(f"{folder}: neither the names of files nor a column says which robot is which; {REMEDY}")
-
-
-def file_pattern(files: Sequence[str], known: Sequence[str] = ()) -> tuple[str, tuple[str, ...]]:
-    """Return the pattern that most files share, with {robot} in it, and the robots in the order of the files.
-
-    odom_red.csv and odom_blue.csv are odom_{robot}.csv of red and blue. `known`: names of robots, for a single file.
-    """
-    patterns: dict[str, list[str]] = {}  # pattern -> the word that it stands for, of each file
-    for file in files:
-        stem, dot, ending = file.rpartition(".")
-        for word in dict.fromkeys(re.findall(r"[^/_\-. ]+", stem)):
-            whole_word = rf"(?<![^/_\-. ]){re.escape(word)}(?![^/_\-. ])"
-            patterns.setdefault(re.sub(whole_word, "{robot}", stem) + dot + ending, []).append(word)
-    if len(files) == 1:
-        patterns = {pattern: words for pattern, words in patterns.items() if words[0] in known}
-    best = max(patterns, key=lambda pattern: (len(patterns[pattern]), len(pattern)), default=files[0])
-    robots = patterns.get(best, [])
-    return (best, tuple(dict.fromkeys(robots))) if len(robots) > 1 or len(files) == len(robots) else (files[0], ())
-
-
-def match_names(words: Iterable[str], robots: Sequence[str]) -> dict[str, str]:
-    """Return the robots that other words mean: the same but for capitals and signs, else with the same number."""
-    found: dict[str, str] = {}
-    for form in (_letters, _last_number, _last_word):
-        for word in dict.fromkeys(words):
-            alike = [r for r in robots if form(word) and form(r) == form(word) and r not in found.values()]
-            if word not in robots and word not in found and len(alike) == 1:
-                found[word] = alike[0]
-    return found
-
-
-def _letters(name: str) -> str:
-    return re.sub(r"[\W_]", "", name).lower()
-
-
-def _last_number(name: str) -> str:
-    return next(reversed(re.findall(r"\d+", name)), "").lstrip("0")
-
-
-def _last_word(name: str) -> str:
-    return next(reversed(re.findall(r"[^\W_]+", name)), "").lower()
-
-
-def _clean_name(word: str) -> str:
-    """Return a name for a word in a file: blanks, and signs that a name cannot have, become _."""
-    return re.sub(r"[\s,/{}\[\]]", "_", word)
 
 
 # --- The draft
@@ -582,7 +443,7 @@ def _draft_run(folder: Path, data: Path) -> tuple[Draft, tuple[str, ...]]:
         if needed not in {part.table for part in parts}:
             if nameless := next((file.name for file in files if [*file.columns][:2] == ["1", "2"]), ""):
                 unread = f"{folder / nameless}: numbers where the names of the columns should be; add a line of names"
-            odd = [name for name in lacking if side_of(words_of(Path(name).stem)) in ("", needed)]
+            odd = [name for name in lacking if naming.side_of(Path(name).stem) in ("", needed)]
             if odd and not unread:
                 unread = f"{folder / odd[0]}: {lacking[odd[0]]}, and so no {needed}; name its columns in log.toml"
             if unread or needed == "odometry":
@@ -622,13 +483,12 @@ def _draft_table(
     table, files, columns = part.table, part.file_names, part.columns
     names = ", ".join(files)
     if table in ("anchors", "landmarks"):
-        return DraftTable(
-            table, (Entry("places", _places_of(part), f"{files[0]} has names and places, and no stamps"),)
-        )
-    pattern, named = file_pattern(files, robots)
+        places = Entry("places", _places_of(part), f"{files[0]} has names and places, and no stamps")
+        return DraftTable(table, (places,))
+    pattern, named = naming.file_pattern(files, robots)
     words = [*named, *part.names("robot"), *part.names("other")]
-    nodes = match_names([word for word in words if _clean_name(word) not in fixed], robots)
-    pairs = pairs_of_robots(files, robots) if table in READINGS else {}
+    nodes = naming.match_names([word for word in words if naming.clean_name(word) not in fixed], robots)
+    pairs = naming.pairs_of_robots(files, robots) if table in READINGS else {}
     if runs:
         file = Entry("file", f"{{run}}{Path(files[0]).suffix}", "a file for each run")
     elif any("{robot}" in g.column for g in columns.values()):
@@ -670,7 +530,9 @@ def _draft_table(
 
 def _each_thing(table: str, each: Sequence[Guess], things: Sequence[str], robots: Sequence[str]) -> Entry | str:
     """Return the line for readings with a column for each thing measured; or what to write, if it has no name."""
-    columns = {name: g for g in each for name in things if _letters(g.column).endswith(_letters(name))}
+    columns = {
+        name: g for g in each for name in things if naming.letters_of(g.column).endswith(naming.letters_of(name))
+    }
     if table == "sightings" or len(columns) < len(each):
         own = ", ".join(f'a{k} = "{g.column}"' for k, g in enumerate(each, 1))
         remedy = f"write [{table}] with each = {{ {own} }}, and [anchors] with places = {{ a1 = [X, Y], ... }}"
@@ -689,7 +551,7 @@ def _places_of(part: TablePart) -> dict[str, list[float]]:
     named = words if isinstance(words, tuple) else [f"{number:g}" for number in words]
     x, y = (np.asarray(file.columns[columns[q].column], float) * UNITS["m"][columns[q].unit] for q in "xy")
     return {
-        _clean_name(name): [float(a), float(b)]
+        naming.clean_name(name): [float(a), float(b)]
         for name, a, b in zip(named, x, y, strict=True)
         if name and np.isfinite([a, b]).all()
     }
@@ -701,7 +563,7 @@ def _entry(quantity: str, guess: Guess) -> Entry:
 
 
 def _column(guess: Guess) -> Any:
-    """Return a column in TOML: its name alone if its unit is SI; the columns of a quaternion."""
+    """Return a column in TOML: its name alone if its unit is naming.SI; the columns of a quaternion."""
     if guess.quaternion:
         return {"quaternion": list(guess.quaternion)}
     return guess.column if guess.unit in UNITS else {"column": guess.column, "unit": guess.unit}

@@ -12,7 +12,8 @@ from statsmodels.robust.scale import HuberScale
 from cooploc.estimators.robust import lost
 from cooploc.scenarios import resolve
 from cooploc.scenarios.recordings import fit
-from cooploc.scenarios.recordings.fit import SPREADS, K, Residuals, crps, huber, is_no_worse
+from cooploc.scenarios.recordings.fit import K, Residuals, huber
+from cooploc.scenarios.recordings.fit_choice import SPREADS, crps, is_no_worse
 
 
 def residuals(rng, links=3, ticks=2000, burst=None):

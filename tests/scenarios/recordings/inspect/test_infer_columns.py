@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from cooploc.scenarios.recordings.inspect.csv_draft import file_pattern, name_meaning, read_csv
+from cooploc.scenarios.recordings.inspect.csv_draft import read_csv
+from cooploc.scenarios.recordings.inspect.naming import file_pattern, name_meaning
 
 LINES = 40
 

@@ -1,0 +1,132 @@
+"""The choice of a fit, and of a loss, by what each predicts of a part of a recording that it was not fitted on.
+
+Of several runs each is left out once, of a single part each of five equal pieces. The simpler one is taken unless the
+other is better by more than one standard error over the parts.
+
+Sources: T. Gneiting, A. Raftery, "Strictly proper scoring rules, prediction, and estimation", JASA 102, 2007, eq. 21;
+L. Breiman et al., "Classification and Regression Trees", 1984, sec. 3.4.3 (the rule of one standard error).
+"""
+
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from itertools import pairwise
+
+import numpy as np
+from scipy.stats import norm
+from scipy.stats import t as student
+
+from cooploc.estimators.errors import BadInput
+from cooploc.estimators.interface import Array
+from cooploc.estimators.models import Displacement, Unicycle
+from cooploc.estimators.robust import DEGREES, Loss, lost
+from cooploc.scenarios.recordings import fit
+from cooploc.scenarios.recordings.team_log import TeamLog
+
+PIECES = 5  # of a single part
+
+
+def choose_fit(log: TeamLog, parts: Sequence[fit.FitPart], how: fit.FitSettings) -> tuple[fit.FitSettings, str]:
+    """Return the settings with `robust` as chosen, and a sentence that says why, with both scores.
+
+    What is left out is scored by the CRPS, a distance between forecast and reading that is proper and grows but
+    linearly with an outlier. Huber's fit is taken unless least squares is better.
+    """
+    if not parts:
+        return how._replace(robust=True), "nothing is fitted"
+    errors = np.array([[held_out_error(log, *fold, how, robust) for robust in (False, True)] for fold in _folds(parts)])
+    errors = errors[np.isfinite(errors).all(1)]
+    if len(errors) < 2:
+        return how._replace(robust=True), "fitted robustly (Huber's loss); too little can be left out to compare"
+    robust = is_no_worse(errors)
+    chosen = "robustly (Huber's loss)" if robust else "by least squares"
+    plain, huber = np.exp(np.log(errors).mean(0))
+    tie = " (no more than a standard error worse)" * bool(robust and huber > plain)
+    what = _left_out(errors, parts)
+    return how._replace(robust=robust), (
+        f"fitted {chosen}: {what}, are predicted with an error (CRPS) of {huber:.3g} by the robust fit{tie}, of "
+        f"{plain:.3g} by least squares"
+    )
+
+
+def _folds(parts: Sequence[fit.FitPart]) -> list[tuple[list[fit.FitPart], fit.FitPart]]:
+    pieces = list(parts)
+    if len(parts) == 1:
+        edges = np.linspace(parts[0].begin, parts[0].end, PIECES + 1).tolist()
+        pieces = [parts[0]._replace(begin=a, end=b) for a, b in pairwise(edges)]
+    return [([*pieces[:i], *pieces[i + 1 :]], out) for i, out in enumerate(pieces)]
+
+
+def _left_out(scores: Array, parts: Sequence[fit.FitPart]) -> str:
+    return f"{len(scores)} {'pieces' if len(parts) == 1 else 'runs'}, left out in turn"
+
+
+SPREADS: Mapping[Loss, float] = {  # log of the integral of exp(-rho)
+    "none": float(np.log(2 * np.pi) / 2),
+    "huber": float(np.log(np.sqrt(2 * np.pi) * (2 * norm.cdf(fit.K) - 1) + 2 * np.exp(-(fit.K**2) / 2) / fit.K)),
+    "student": -float(student.logpdf(0, DEGREES)),
+}
+
+
+def choose_loss(log: TeamLog, parts: Sequence[fit.FitPart], how: fit.FitSettings) -> tuple[Loss, str]:
+    """Return the loss by which filters weigh the readings, and a sentence that says why, with its score.
+
+    What is left out is scored as by `choose_fit`, by the log-likelihood of its readings under the density of each loss.
+    Readings count fully unless another density is better by more than one standard error over the parts.
+    """
+    scores = []
+    for fitted, out in _folds(parts):
+        with suppress(BadInput):
+            models = fit.team_models(log, fitted, how._replace(inflate=False))
+            found = [
+                one.residual / one.sigma for one in fit.link_residuals(log, [], out, models, how) if len(one.residual)
+            ]
+            d2 = np.concatenate(found or [np.empty(0)]) ** 2
+            if len(d2):
+                scores.append([(lost(loss, d2, 1) / 2).mean() + spread for loss, spread in SPREADS.items()])
+    if len(scores) < 2:
+        return "none", "readings count fully (loss=none), as too little can be left out to compare"
+    gains = np.array(scores)[:, :1] - np.array(scores)[:, 1:]
+    mean, error = gains.mean(0), gains.std(0, ddof=1) / np.sqrt(len(gains))
+    best = int(np.argmax(mean))
+    other, better = list(SPREADS)[1 + best], bool(mean[best] > error[best])
+    chosen, count = (other, "far from what is expected count less") if better else ("none", "count fully")
+    return chosen, (
+        f"readings {count} (loss={chosen}): of {_left_out(gains, parts)}, loss={other} changes the log-likelihood of a "
+        f"reading by {mean[best]:+.3f} from that of Gaussian noise (one standard error: {error[best]:.3f})"
+    )
+
+
+def is_no_worse(errors: Array) -> bool:
+    """Return whether log errors (folds, 2: least squares, robust) rise by one standard error over folds at most."""
+    worse = np.log(errors[:, 1] / errors[:, 0])
+    return bool(worse.mean() <= worse.std(ddof=1) / np.sqrt(len(worse)))
+
+
+def held_out_error(
+    log: TeamLog, fitted: Sequence[fit.FitPart], out: fit.FitPart, how: fit.FitSettings, robust: bool
+) -> float:
+    """Return the geometric mean over quantities of the mean CRPS in what is left out; nan where nothing is fitted."""
+    how = how._replace(robust=robust, inflate=False)  # each reading is predicted alone
+    try:
+        models = fit.team_models(log, fitted, how)
+    except BadInput:
+        return np.nan
+    found: dict[str, list[Array]] = {}
+    for one in fit.link_residuals(log, [], out, models, how):
+        found.setdefault(one.what, []).append(crps(one.residual, one.sigma))
+    sigmas = {"displacement": models.motion.sigma} if isinstance(models.motion, Displacement) else {}
+    if isinstance(models.motion, Unicycle):
+        sigmas = {"length": models.motion.sigma_v * how.tick, "turn": models.motion.sigma_omega * how.tick}
+    for robot, scale in zip(log.robots, models.scales, strict=True):
+        for track in fit.tracks_of([out], robot, how):
+            for quantity, sigma in sigmas.items():
+                x, y, dt = fit.PAIRS[quantity](track._replace(odometry=track.odometry * scale))
+                found.setdefault(quantity, []).append(crps((y - x) / np.sqrt(dt), sigma / how.tick**0.5))
+    each = np.array([np.concatenate(scores).mean() for scores in found.values() if sum(map(len, scores))])
+    return float(np.exp(np.log(np.maximum(each, fit.LEAST_SCALE)).mean())) if len(each) else np.nan
+
+
+def crps(e: Array, sigma: float) -> Array:
+    """Return sigma (z (2 Phi(z) - 1) + 2 phi(z) - 1/sqrt(pi)), z = e/sigma, of errors e (m,)."""
+    z = e / max(sigma, fit.LEAST_SCALE)
+    return np.asarray(sigma * (z * (2 * norm.cdf(z) - 1) + 2 * norm.pdf(z) - 1 / np.sqrt(np.pi)))

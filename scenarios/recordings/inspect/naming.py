@@ -1,0 +1,136 @@
+"""What names of columns, files and topics say, by the words in `column_names.toml`: quantity, unit, side, robot."""
+
+import re
+import tomllib
+from collections.abc import Iterable, Sequence
+from importlib.resources import files as resources
+from itertools import pairwise, permutations
+from unicodedata import normalize
+
+from cooploc.scenarios.recordings.schema import UNITS
+
+_WORDS = tomllib.loads((resources(__package__) / "column_names.toml").read_text("utf-8"))
+QUANTITY, SIDE, UNIT, OTHERS = (
+    {word: meaning for meaning, words in _WORDS[table].items() for word in words.split()}
+    for table in ("quantities", "sides", "units", "others")
+)
+QUANTITY_OF_PAIR = {pair: quantity.replace("nothing", "") for quantity, of in _WORDS["pairs"].items() for pair in of}
+ODOMETRY = {word for word, side in SIDE.items() if side == "odometry"}
+# The unit of what is no length.
+SI = {"time": "s", "sec": "s", "nsec": "ns", "rssi": "dBm", "heading": "rad", "bearing": "rad"}
+RATES = {"turn_rate": "rad/s", "speed": "m/s"}
+
+
+def words_of(name: str) -> list[str]:
+    """Return the words of a name in small letters: camelCase, digits and signs divide it."""
+    plain = normalize("NFKD", name).encode("ascii", "ignore").decode().replace("{robot}", " ").replace("{other}", " ")
+    return [word.lower() for word in re.findall(r"[A-Za-z]+", re.sub(r"([a-z])([A-Z])", r"\1 \2", plain))]
+
+
+def name_meaning(column: str) -> tuple[str, str, str]:
+    """Return quantity, unit and side by a column's name, "" where unknown; a unit that does not fit is left out."""
+    inside = re.search(r"[\[(]([^\])]*)[\])]", column.replace("°", "deg"))
+    plain = re.sub(r"[\[(][^\])]*[\])]", " ", column)
+    words = words_of(plain)
+    pair = next((f"{a} {b}" for a, b in pairwise(words) if f"{a} {b}" in QUANTITY_OF_PAIR), "")
+    known = [QUANTITY[word] for word in words if word in QUANTITY]
+    unknown = "range" if "{other}" in column and words in (["r"], ["rho"]) else ""
+    quantity = QUANTITY_OF_PAIR[pair] if pair else min(known, key=list(_WORDS["quantities"]).index, default=unknown)
+    unit = next((UNIT[word] for word in (words_of(inside[1]) if inside else words[1:]) if word in UNIT), "")
+    if quantity in RATES:
+        unit = f"{unit}/s" if unit in (*UNITS["m"], *UNITS["rad"]) else unit * ("/" in unit)
+    elif quantity in ("sec", "nsec") or unit not in UNITS[SI.get(quantity, "m")]:
+        unit = ""
+    return quantity, unit, side_of(plain)
+
+
+def side_of(name: str) -> str:
+    """Return "truth" or "odometry" if words of a name speak of it; odometry, if of both."""
+    return min((SIDE[word] for word in words_of(name) if word in SIDE), default="")
+
+
+# --- Whose something is
+
+
+def columns_of_robots(head: Sequence[str]) -> tuple[dict[str, str], tuple[str, ...]]:
+    """Return the columns of a file that has some for each robot, with {robot} in their names, and the robots.
+
+    red_x, red_y, blue_x, blue_y are {robot}_x and {robot}_y of red and blue; d12 is d{robot}{other} of 1 and 2. Two
+    columns of motion or position must be there for every robot.
+    """
+    words_at: dict[str, dict[str, str]] = {}  # pattern -> {robot: column}
+    no_names = {*QUANTITY, *SIDE, *UNIT, *(word for word, kind in OTHERS.items() if kind == "no_robots")}
+    for column in head:
+        for match in re.finditer(r"\d+|[A-Za-z]+?(?=\d|[A-Z][a-z]|[^A-Za-z]|$)", column):
+            if not (words := {*words_of(match[0])}) or words - no_names:
+                pattern = f"{column[: match.start()]}{{robot}}{column[match.end() :]}"
+                words_at.setdefault(pattern, {})[match[0]] = column
+    teams: dict[frozenset[str], set[str]] = {}
+    for pattern, of in words_at.items():
+        if len(of) > 1 and name_meaning(pattern)[0] in ("x", "y", "speed", "turn_rate", "heading"):
+            teams.setdefault(frozenset(of), set()).add(name_meaning(pattern)[0])
+    team = max(teams, key=lambda team: (len(teams[team]), len(team)), default=frozenset[str]())
+    if not any(teams.get(team, set()) >= needed for needed in ({"x", "y"}, {"speed", "turn_rate"})):
+        return {}, ()
+    found = {column: p for p, of in words_at.items() if {*of} == team for column in of.values()}
+    robots = tuple(dict.fromkeys(word for of in words_at.values() if {*of} == team for word in of))
+    return found | pairs_of_robots(head, robots), robots
+
+
+def pairs_of_robots(names: Iterable[str], robots: Sequence[str]) -> dict[str, str]:
+    """Return patterns of names with two robots: r12 is r{robot}{other} of 1 and 2, uwb_1_2 is uwb_{robot}_{other}."""
+    found: dict[str, str] = {}
+    for a, b in permutations(map(re.escape, robots), 2):
+        pair = re.compile(rf"(?<![A-Za-z0-9]){a}(\D*?){b}(?![A-Za-z0-9])|(?<=[A-Za-z]){a}(\D*?){b}(?!\d)")
+        for name in names:
+            pattern = pair.sub(lambda m: f"{{robot}}{m[1] or m[2] or ''}{{other}}", name)
+            if pattern != name and name_meaning(pattern)[0] in ("range", "rssi"):
+                found[name] = pattern
+    return found
+
+
+def file_pattern(files: Sequence[str], known: Sequence[str] = ()) -> tuple[str, tuple[str, ...]]:
+    """Return the pattern that most files share, with {robot} in it, and the robots in the order of the files.
+
+    odom_red.csv and odom_blue.csv are odom_{robot}.csv of red and blue. `known`: names of robots, for a single file.
+    """
+    patterns: dict[str, list[str]] = {}  # pattern -> the word that it stands for, of each file
+    for file in files:
+        stem, dot, ending = file.rpartition(".")
+        for word in dict.fromkeys(re.findall(r"[^/_\-. ]+", stem)):
+            whole_word = rf"(?<![^/_\-. ]){re.escape(word)}(?![^/_\-. ])"
+            patterns.setdefault(re.sub(whole_word, "{robot}", stem) + dot + ending, []).append(word)
+    if len(files) == 1:
+        patterns = {pattern: words for pattern, words in patterns.items() if words[0] in known}
+    best = max(patterns, key=lambda pattern: (len(patterns[pattern]), len(pattern)), default=files[0])
+    robots = patterns.get(best, [])
+    return (best, tuple(dict.fromkeys(robots))) if len(robots) > 1 or len(files) == len(robots) else (files[0], ())
+
+
+def match_names(words: Iterable[str], robots: Sequence[str]) -> dict[str, str]:
+    """Return the robots that other words mean: the same but for capitals and signs, else with the same number.
+
+    Else with the same last word.
+    """
+    found: dict[str, str] = {}
+    forms = (
+        letters_of,
+        lambda name: "".join(re.findall(r"\d+", name)[-1:]).lstrip("0"),
+        lambda name: "".join(re.findall(r"[^\W_]+", name)[-1:]).lower(),
+    )
+    for form in forms:
+        for word in dict.fromkeys(words):
+            alike = [r for r in robots if form(word) and form(r) == form(word) and r not in found.values()]
+            if word not in robots and word not in found and len(alike) == 1:
+                found[word] = alike[0]
+    return found
+
+
+def letters_of(name: str) -> str:
+    """Return the letters and digits of a name, in small letters."""
+    return re.sub(r"[\W_]", "", name).lower()
+
+
+def clean_name(word: str) -> str:
+    """Return a name for a word in a file: blanks, and signs that a name cannot have, become _."""
+    return re.sub(r"[\s,/{}\[\]]", "_", word)
