@@ -146,11 +146,13 @@ def join_ranges(x, P, z, variance, gate, second_order, iterations):
                                 Lambda[j + c, i + b] -= g * f
             A = one + P[s] @ Lambda
             if k + 1 < iterations:
-                at = before + np.linalg.solve(A, P[s] @ eta)
+                at = before + np.linalg.solve(A, (P[s] @ eta).reshape(-1, 1)).T[0]  # a matrix as below: compiled once
             else:
                 C = np.linalg.solve(A, P[s])
                 P[s] = (C + C.T) / 2
-                x[s] = (before + P[s] @ eta).reshape(n, d)
+                moved = before + P[s] @ eta
+                for a in range(n * d):
+                    x[s, a // d, a % d] = moved[a]
     return d2
 
 
@@ -486,7 +488,7 @@ def meet(x, P, sigma, i, j, reading, gate):
         J[:d, d:] = possible(P[s, i], P[s, j], sigma[s, i, j] @ sigma[s, j, i].T)
         J[d:, :d] = J[:d, d:].T
         S = H @ J @ H.T + R
-        if y @ np.linalg.solve(S, y) <= gate:
+        if y @ np.linalg.solve(S, y.reshape(-1, 1)).T[0] <= gate:
             used[s] = True
             K = np.linalg.solve(S, H @ J).T
             rest, step = one - K @ H, K @ y
