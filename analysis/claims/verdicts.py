@@ -280,7 +280,8 @@ def verdict_sentence(row: "pd.Series[Any]") -> str:
     claimed = f" Claimed{by_ratio}: {number_text(size, kind)}." if size == size else ""
     ends = "no 95 % interval" if np.isnan(low) else f"95 % interval {interval_text(low, high, kind)}"
     otherwise = f" Read {row['otherwise']}." if row.get("otherwise") else ""
-    return f"{where}: {said} ({ends}, {n} {KINDS[kind].over}).{claimed} {verdict_text(row)}.{otherwise}"
+    over = re.sub(r"s\b", "", KINDS[kind].over, count=1) if n == "1" else KINDS[kind].over
+    return f"{where}: {said} ({ends}, {n} {over}).{claimed} {verdict_text(row)}.{otherwise}"
 
 
 def span_text(part: pd.DataFrame) -> tuple[str, str]:

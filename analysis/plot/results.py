@@ -160,7 +160,8 @@ def pareto(errors: pd.DataFrame) -> Axes:
         trials = count_of(int(part["trials"].min()), "trial")
         style.finish(ax, NAMES["bytes"], "RMSE [m]", f"{part['scenario'].iloc[0]}, {trials}", grid="both")
     _add_keys(axes[0], table, pens, name_of)
-    axes[0].plot([], [], color="0.3", lw=1, ls=style.BROKEN, label="frontier")
+    if any(len(frontier(part)) > 1 for part in parts):
+        axes[0].plot([], [], color="0.3", lw=1, ls=style.BROKEN, label="frontier")
     axes[0].plot([], [], "o", mfc="white", mec=style.DARK, label="hollow: over-confident")
     style.add_legend_below(axes, columns)
     return axes[0]

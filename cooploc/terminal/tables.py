@@ -417,6 +417,9 @@ def show_inspection(found: Any, files: Sequence[Path]) -> None:
         say(f"tried: {text}")
     if inspected.trial.problem:
         say(f"tried, and it does not run: {inspected.trial.problem}")
-        say(f"next: correct {log}, then cooploc inspect {log.parent}")
+        if any(truth is not None for truth in inspected.log.truth):
+            say(f"next: correct {log}, then cooploc inspect {log.parent}")
+        else:
+            say(f"next: look at the page; to judge estimators, add true positions and [truth] to {log}")
     else:
         say(f"next: look at both, then cooploc run log --data {log.parent}")
