@@ -150,7 +150,7 @@ def join_ranges(x, P, z, variance, gate, second_order, iterations):
             else:
                 C = np.linalg.solve(A, P[s])
                 P[s] = (C + C.T) / 2
-                moved = before + P[s] @ eta
+                moved = before + P[s] @ eta  # copied one by one: numba would compile an error message for a slice
                 for a in range(n * d):
                     x[s, a // d, a % d] = moved[a]
     return d2

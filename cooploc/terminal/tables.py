@@ -420,6 +420,7 @@ def show_inspection(found: Any, files: Sequence[Path]) -> None:
         if any(truth is not None for truth in inspected.log.truth):
             say(f"next: correct {log}, then cooploc inspect {log.parent}")
         else:
-            say(f"next: look at the page; to judge estimators, add true positions and [truth] to {log}")
+            anew = f"cooploc inspect --force {log.parent} drafts log.toml anew"
+            say(f"next: look at the page; to judge estimators, add the true positions: {anew}")
     else:
         say(f"next: look at both, then cooploc run log --data {log.parent}")

@@ -78,6 +78,8 @@ def test_a_recording_without_truth_is_inspected_and_not_judged(tmp_path):
     assert ended.returncode == 0, ended.stderr
     assert "not used: truth, as no file has columns that look like truth" in ended.stdout
     assert "it does not run: team: no robot has a truth to be judged by" in ended.stdout
+    assert "next: look at the page" in ended.stdout
+    assert "correct" not in ended.stdout
     page = (tmp_path / "team" / "inspect.html").read_text("utf-8")
     assert "There is no ground truth" in page
     assert "Gap: red" in page

@@ -335,7 +335,7 @@ def _merge_parts(parts: Sequence[TablePart], unused: list[str]) -> list[TablePar
             before, columns = merged[key], {}
             for q, guess in before.columns.items():
                 other = part.columns[q]
-                better = guess if guess.unit in UNITS else other  # of two units that of naming.SI is more probable
+                better = guess if guess.unit in UNITS else other  # of two units that of SI is more probable
                 why = f"files differ, in {part.files[0].name} it is {other.unit}, perhaps"
                 columns[q] = guess if guess.unit == other.unit else better._replace(reason=why)
             part = before._replace(columns=columns, files=(*before.files, *part.files))
@@ -563,7 +563,7 @@ def _entry(quantity: str, guess: Guess) -> Entry:
 
 
 def _column(guess: Guess) -> Any:
-    """Return a column in TOML: its name alone if its unit is naming.SI; the columns of a quaternion."""
+    """Return a column in TOML: its name alone if its unit is SI; the columns of a quaternion."""
     if guess.quaternion:
         return {"quaternion": list(guess.quaternion)}
     return guess.column if guess.unit in UNITS else {"column": guess.column, "unit": guess.unit}

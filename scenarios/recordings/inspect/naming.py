@@ -16,7 +16,7 @@ QUANTITY, SIDE, UNIT, OTHERS = (
 )
 QUANTITY_OF_PAIR = {pair: quantity.replace("nothing", "") for quantity, of in _WORDS["pairs"].items() for pair in of}
 ODOMETRY = {word for word, side in SIDE.items() if side == "odometry"}
-# The unit of what is no length.
+# The units of quantities in log.toml; all others are lengths in m.
 SI = {"time": "s", "sec": "s", "nsec": "ns", "rssi": "dBm", "heading": "rad", "bearing": "rad"}
 RATES = {"turn_rate": "rad/s", "speed": "m/s"}
 
@@ -108,10 +108,7 @@ def file_pattern(files: Sequence[str], known: Sequence[str] = ()) -> tuple[str, 
 
 
 def match_names(words: Iterable[str], robots: Sequence[str]) -> dict[str, str]:
-    """Return the robots that other words mean: the same but for capitals and signs, else with the same number.
-
-    Else with the same last word.
-    """
+    """Return the robots that words mean: those with equal letters and digits, else last number, else last word."""
     found: dict[str, str] = {}
     forms = (
         letters_of,

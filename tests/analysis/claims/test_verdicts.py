@@ -347,6 +347,8 @@ def test_a_sentence_says_what_the_numbers_say():
         f"s: the RMSE of a is {100 * found['value']:.0f} % higher than that of b (95 % interval {low} to {high}, "
         "40 trials). Claimed: -40 %. Contradicted."
     )
+    for trials, words in ((1, ", 1 part of the run)"), (2, ", 2 parts of the run)")):
+        assert words in verdict_sentence(pd.Series({**found, "kind": "cost", "trials": trials}))
     equal = pd.concat([table[table["estimator"] == "b"].assign(estimator=e) for e in "ab"])
     assert verdict_sentence(verdict(equal, **CHANGE)) == (
         "s: the RMSE of a equals that of b in each of 40 trials. Contradicted."

@@ -92,10 +92,18 @@ def test_the_frontier_holds_what_no_honest_rule_beats_in_bytes_and_error():
     assert list(frontier(table.sample(frac=1, random_state=3))["estimator"]) == ["silent", "fair", "best"]
 
 
+def texts_of(figure):
+    legends = [*figure.legends, *(ax.get_legend() for ax in figure.axes if ax.get_legend())]
+    return [text.get_text() for legend in legends for text in legend.get_texts()]
+
+
 def test_the_frontier_is_drawn_in_a_panel_for_each_scenario():
     scenarios = ["robots-1-3/n=1", "robots-1-3/n=3", "robots-1-3/n=2"]
     figure = cl.plot.pareto(pd.concat([rows_of(name, TEAM) for name in scenarios])).figure
     assert [ax.get_title(loc="left").partition(",")[0] for ax in figure.axes] == scenarios
+    assert "frontier" not in texts_of(figure)  # one of the two is over-confident: of one point nothing is drawn
+    two = {"arl": (0.5, 1.0), "ekf-ci": (0.4, 1.0)}
+    assert "frontier" in texts_of(cl.plot.pareto(rows_of(scenarios[1], two)).figure)
     figure.canvas.draw()
     below = [[label.get_text() for label in ax.get_xticklabels()] for ax in figure.axes[1:]]  # nothing is below these
     assert below == [["0", "10", "20", "50"]] * 2
