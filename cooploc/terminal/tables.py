@@ -383,7 +383,8 @@ def show_list(kind: str, listed: pd.DataFrame) -> None:
         shown["what it is"] = " ".join([row["about"], *notes])
         shown |= {key: row[key] for key in ("uses", "trials", "seed") if key in row}
         if "streams" in row:
-            shown["streams"] = ", ".join(f"{name} {hash}" for name, hash in row["streams"].items())
+            hashes = {name: [one] if isinstance(one, str) else one for name, one in row["streams"].items()}
+            shown["streams"] = ", ".join(f"{name} {' or '.join(some)}" for name, some in hashes.items())
         rows.append(shown)
     console.print(frame(kind, pd.DataFrame(rows)).terminal())
     for row in listed[broken].to_dict("records"):

@@ -141,8 +141,8 @@ class Study(BaseModel):
     training: dict[str, Labels] = {}  # scenario -> those that estimators are tuned on instead; none: it is only judged
     tuned_with: Seed | None = None  # the seed of the streams that its estimators were tuned on; no run may have it
     streams: dict[
-        str, str
-    ] = {}  # scenario -> beginning of its stream's hash; they fix trials and seed, as of a problem
+        str, str | Labels
+    ] = {}  # scenario -> beginning of its stream's hash, or one for each kind of processor
     leaves_out_misfits: bool = False  # an estimator is not run where its channels lack; else the study is refused
     only: Labels = ()  # the estimators to run; one that the study lacks runs on every scenario
 
@@ -282,7 +282,10 @@ def _validate(content: dict[str, Any], where: str) -> Study:
 
 
 def stream_sentence(study: Study, streams: Mapping[str, Mapping[str, str]]) -> str:
-    """Return whether a run's streams, hashes by scenario and trial, are those that its study fixes; "" without any."""
+    """Return whether a run's streams, hashes by scenario and trial, are those that its study fixes; "" without any.
+
+    A study that fixes streams fixes trials and seed, too: it is a problem.
+    """
     found = {name: [one[t] for t in sorted(one, key=int)] for name, one in streams.items()}
     hashes = {name: hashlib.sha256("".join(one).encode()).hexdigest() for name, one in found.items()}
     other = [name for name, stated in study.streams.items() if not hashes.get(name, "").startswith(stated)]
@@ -367,7 +370,8 @@ def problems() -> "DataFrame":
     """Return the table of problems, studies whose streams never change; `cl.run_study("arena-3@1")` runs one.
 
     Columns: `name` with its version; `about`, the world and what is sensed; `trials` and `seed`, which are fixed;
-    `streams`, the scenarios with the hashes of their streams.
+    `streams`, the scenarios with the beginnings of their streams' hashes, one for each kind of processor that rounds
+    otherwise.
     """
     from pandas import DataFrame
 

@@ -2,6 +2,7 @@
 
 import hashlib
 import os
+import platform
 from pathlib import Path
 
 import pytest
@@ -111,6 +112,9 @@ FOLDERS = {"mrclam6@1": "mrclam6", "wifi@1": "wifi-rssi"}
 
 
 @pytest.mark.slow
+@pytest.mark.skipif(
+    platform.machine() not in ("x86_64", "AMD64"), reason="hashes are stated for processors of the kind x86-64"
+)
 @pytest.mark.parametrize("name", study.problem_tables())
 def test_a_problem_keeps_its_streams_for_ever(name):
     folder = DATA / FOLDERS[name] if name in FOLDERS else None
@@ -120,7 +124,7 @@ def test_a_problem_keeps_its_streams_for_ever(name):
     for scenario, stated in frozen.streams.items():
         trials = scenarios.resolve(scenario, folder).trials(frozen.trials)
         each = [cl.simulate(scenario, trials=[k], seed=frozen.seed, data=folder)[1] for k in range(trials)]
-        assert hashlib.sha256("".join(one.hashes[0] for one in each).encode()).hexdigest().startswith(stated)
+        assert hashlib.sha256("".join(one.hashes[0] for one in each).encode()).hexdigest()[:16] in stated
         assert f"{len(each[0].time)} ticks" in frozen.about or name == "wifi@1"  # whose runs are of unequal length
 
 
