@@ -119,6 +119,6 @@ def test_a_cluster_gives_the_bits_of_a_local_run_though_a_worker_is_killed(clust
 def test_a_cluster_that_does_not_answer_is_one_line(tmp_path, plugins, address, said):
     (tmp_path / "small.toml").write_text(SMALL)
     told = finish(*FAR, address, plugins=plugins, cwd=tmp_path)
-    assert (told.returncode, told.stderr.count("\n")) == (2, 1)
+    assert (told.returncode, told.stderr.count("\n")) == (2, 1), told.stderr
     assert said in told.stderr
     assert not (tmp_path / "far").exists()
