@@ -178,6 +178,9 @@ def run_study(
     how = {"jobs": jobs, "scheduler": scheduler, "check": check, "retry_failed": retry_failed, "isolate": isolate}
     with TerminalProgress() as progress:
         ready = prepare(asked, Path(data) if data else None, isolate=isolate, strict=strict, say=progress.say)
+        recorded = {one.label: one.trials(1) for one in (cell.scenario for cell in ready.cells) if one.is_recording}
+        if other := [f"{label} has {n}" for label, n in recorded.items() if trials not in (None, n)]:
+            progress.say(f"trials of a recording are its runs, not the {trials} asked for: {', '.join(other)}")
         rows = begin(ready, folder, progress=progress, **how)
     decisions = None if max_trials is None else read_run(folder).comparisons
     results = Results(folder, rows, _compare_with_baselines(rows, asked.baselines(), decisions), decisions)

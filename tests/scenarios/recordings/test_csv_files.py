@@ -145,7 +145,7 @@ def test_a_robot_without_truth_is_told_and_one_without_odometry_left_out(lab):
     assert any("robot 'blue' has fewer than two samples of odometry; it was left out" in w for w in read(lab).warnings)
 
 
-def test_a_strict_run_refuses_what_another_reads_around(lab, tmp_path):
+def test_a_strict_run_refuses_what_another_reads_around_and_says_that_trials_are_runs(lab, tmp_path, capsys):
     describe(lab, ("seconds = 60.0", "seconds = 6.0"))
     odometry = sorted(lab.glob("odom*.csv"))[0]
     odometry.write_text(odometry.read_text() + "12.3,torn")
@@ -153,4 +153,5 @@ def test_a_strict_run_refuses_what_another_reads_around(lab, tmp_path):
     with pytest.raises(BadInput, match=rf"{odometry.name}.*: mend the recording, or leave out --strict$"):
         cl.run_study("log", **options, strict=True)
     assert not (tmp_path / "run").exists()
-    assert not len(cl.run_study("log", **options).failures)
+    assert not len(cl.run_study("log", **options, trials=3).failures)
+    assert "trials of a recording are its runs, not the 3 asked for: log/all has 1\n" in capsys.readouterr().err
