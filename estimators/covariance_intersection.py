@@ -22,6 +22,7 @@ from cooploc.estimators.compiled import inlined, kernel, readable, spread_out, s
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Indices, Mask
 from cooploc.estimators.kalman import symmetric
+from cooploc.estimators.kalman_kernels import fill_product, whiten
 
 Criterion = Literal["det", "trace"]
 Solver = Literal["cvxpy", "exact"]
@@ -60,7 +61,8 @@ def solve_relative(
     P_i, P_j = np.array(P_i, float, order="C"), np.array(P_j, float, order="C")
     R = spread_out(np.asarray(R, float), (len(P_i), H_i.shape[1], H_i.shape[1]))
     solution = Solution(np.ones(len(P_i)), np.zeros(len(P_i), bool))
-    _, kind = _roots(P_j)
+    kind = np.empty(len(P_j), np.int64)
+    _fill_kinds(P_j, kind, (0,) * P_j.shape[-1])
     _require(kind != BAD, "P_j", np.arange(len(P_j)))
     absent = [np.isnan(part).any((1, 2)) for part in (P_i, H_i, H_j, R)]
     rows = np.flatnonzero((kind == FINE) & ~np.logical_or.reduce(absent))
@@ -72,7 +74,7 @@ def solve_relative(
     _scalar_weights(readable(P), readable(H), readable(U), readable(R), criterion == "trace", scalar, w)
     if solver == "cvxpy" or not scalar.all():
         z, axes = (*_whiten(P, H, U, R, block, rows), criterion == "trace", block), (0,) * P.shape[-1]
-        _search_weights(*z, scalar, w, axes)
+        search_weights(*z, scalar, w, axes)
     if solver == "cvxpy":
         from cooploc.estimators import covariance_intersection_cvxpy
 
@@ -92,13 +94,6 @@ def solve_relative(
     return solution
 
 
-def _roots(P: Array) -> tuple[Array, Indices]:
-    """Return V with V'V proportional to P^-1 for P (K, d, d), zero where P is not FINE, and the kind of each P (K,)."""
-    V, kind = np.empty_like(P), np.empty(len(P), np.int64)
-    _fill_roots(P, V, kind, (0,) * P.shape[-1])
-    return V, kind
-
-
 def _require(good: Mask, name: str, fusion: Indices) -> None:
     if not good.all():
         raise BadInput(
@@ -108,27 +103,12 @@ def _require(good: Mask, name: str, fusion: Indices) -> None:
 
 
 def _whiten(P: Array, H: Array, U: Array, R: Array, block: int, fusion: Indices) -> tuple[Array, Array, Array]:
-    """Write the information (1) as w A + sum n_l h_l h_l', in coordinates in which its mean is the identity.
-
-    U = H_j P_j H_j' and R are diagonal in common coordinates, sigma and 1 - sigma, and n = v / (sigma + (1 - sigma) v)
-    with v = 1 - w. With the terms A_k = V_k' V_k: B_k = T A_k T', T = F^-1, F F' = sum mix_k A_k, F upper triangular:
-    so the leading block of Y^-1 = (sum n_k B_k)^-1 stays that of the fused covariance, whose trace is tr(C Y^-1) with
-    C = T T'. Return B (K, 1 + k, d, d), C (K, d, d) of trace 1, and sigma (K, k).
-    """
-    (own, own_kind), (L, kind) = _roots(P), _roots(U + R)
-    _require(own_kind == FINE, "P_i", fusion)
-    _require(kind == FINE, "H_j P_j H_j' + R", fusion)
-    L = L / np.sqrt((L @ (U + R) @ L.mT)[:, :1, :1])
-    sigma, axes = np.linalg.eigh(symmetric(L @ U @ L.mT))
-    scale = np.sqrt(P.diagonal(axis1=1, axis2=2).max(-1, initial=0.0))
-    h = np.zeros((*H.shape[:2], *P.shape[1:]))
-    h[:, :, 0] = scale[:, None, None] * (axes.mT @ L @ H)
-    sigma = np.minimum(np.maximum(sigma, 1e-15), 1.0)
-    V = np.concatenate([own[:, None], h], 1)
-    mix = np.concatenate([np.full((len(P), 1), 0.5), 1 / (1 + sigma)], 1)  # the information at w = 1/2
-    B, C, kind = np.empty_like(V), np.empty_like(P), np.zeros(len(V), np.int64)
-    _fill_whitened(V, mix, block, B, C, kind, (0,) * P.shape[-1])
-    _require(kind == FINE, "the information", fusion)
+    """Return B (K, 1 + k, d, d), C (K, d, d) and sigma (K, k) of `whiten_information`."""
+    (K, k, d), kinds = H.shape, np.empty((3, len(P)), np.int64)
+    B, C, sigma = np.empty((K, 1 + k, d, d)), np.empty(P.shape), np.empty((K, k))
+    whiten_information(P, H, U, R, block, B, C, sigma, kinds, (0,) * d)
+    for kind, name in zip(kinds, ("P_i", "H_j P_j H_j' + R", "the information"), strict=True):
+        _require(kind == FINE, name, fusion)
     return B, C, sigma
 
 
@@ -140,6 +120,7 @@ PIVOT = 1e-15  # a Cholesky pivot this small beside its diagonal is rounding
 SKEW = 1e-8  # how far P may be from symmetric, as a correlation
 GAP = 1e-11  # the relative slope times the width of a bracket that ends a search
 WIDTH = 1e-15  # of a bracket that cannot be halved any more
+SWEEPS = 20  # of rotations, at most: a matrix of two numbers takes one
 
 S, U, T, W, G, C, Y, Q = range(8)  # slots of M
 FINE, ABSENT, BAD = range(3)  # kinds of covariances
@@ -246,7 +227,7 @@ def _slope(M, B, f, sigma, w, trace, block, axes):
 
 
 @strict_kernel
-def _search_weights(B, C_, sigma, trace, block, scalar, weights, axes):
+def search_weights(B, C_, sigma, trace, block, scalar, weights, axes):
     """Write one's own weights in [LEAST, 1] where the slope is zero, for the fusions that are not `scalar`.
 
     The bracket is halved, and cut where the line between its slopes is zero, in turn.
@@ -307,24 +288,28 @@ def _kind(P, axes):
     return ABSENT if vague == len(axes) else BAD if skew else FINE
 
 
+@strict_inlined
+def root(P, M, axes):
+    """Write T with T' T = c P^-1; return the kind of P, and c, its greatest variance."""
+    kind, scale = _kind(P, axes), 0.0
+    for i in range(len(axes)):
+        scale = max(scale, P[i, i])
+    for i in range(len(axes)):
+        for j in range(i, len(axes)):
+            M[S, i, j] = (P[i, j] + P[j, i]) / (2 * scale)
+    if kind == FINE and not (scale > 0.0 and factor(M, S, axes)):
+        kind = BAD
+    if kind == FINE:
+        invert_factor(M, axes)
+    return kind, scale
+
+
 @strict_kernel
-def _fill_roots(P, V, kind, axes):
-    """Write V with V' V = c P^-1, c the greatest variance of P, and the kind of P; V is 0 where that is not FINE."""
+def _fill_kinds(P, kind, axes):
+    """Write the kind of each P (K, d, d)."""
     M = np.empty((3, len(axes), len(axes)))
     for f in range(len(P)):
-        kind[f], scale = _kind(P[f], axes), 0.0
-        for i in range(len(axes)):
-            scale = max(scale, P[f, i, i])
-        for i in range(len(axes)):
-            for j in range(i, len(axes)):
-                M[S, i, j] = (P[f, i, j] + P[f, j, i]) / (2 * scale)
-        if kind[f] == FINE and not (scale > 0.0 and factor(M, S, axes)):
-            kind[f] = BAD
-        if kind[f] == FINE:
-            invert_factor(M, axes)
-        for i in range(len(axes)):
-            for j in range(len(axes)):
-                V[f, i, j] = M[T, i, j] if kind[f] == FINE else 0.0
+        kind[f], _ = root(P[f], M, axes)
 
 
 @strict_inlined
@@ -359,33 +344,84 @@ def _orthogonalise(A, M, axes):
 
 
 @strict_kernel
-def _fill_whitened(V, mix, block, B, C_, kind, axes):
-    """Write B_k = T A_k T' and C = T E (T E)' / tr, E the first `block` columns of 1, for mix (K, m) above zero."""
-    m, d = V.shape[1], len(axes)
-    M, A = np.empty((3, d, d)), np.empty((m * d, d))
-    for f in range(len(V)):
-        for k in range(m):
-            for i in range(d):
-                for j in range(d):
-                    A[k * d + i, j] = np.sqrt(mix[f, k]) * V[f, k, i, j]
-                    B[f, k, i, j] = 0.0
+def diagonalise(G, Q):
+    """Turn symmetric G (k, k) = V D V' into D, and Q (k, m) into V' Q, by Jacobi's rotations."""
+    for _ in range(SWEEPS):
+        rest = 0.0
+        for p in range(len(G)):
+            for q in range(p + 1, len(G)):
+                rest += abs(G[p, q])
+                if G[p, q] == 0.0:
+                    continue
+                tau = (G[q, q] - G[p, p]) / (2 * G[p, q])
+                t = (1.0 if tau >= 0.0 else -1.0) / (abs(tau) + np.sqrt(1 + tau * tau))
+                c = 1 / np.sqrt(1 + t * t)
+                s = t * c
+                for r in range(len(G)):
+                    G[r, p], G[r, q] = c * G[r, p] - s * G[r, q], s * G[r, p] + c * G[r, q]
+                for r in range(len(G)):
+                    G[p, r], G[q, r] = c * G[p, r] - s * G[q, r], s * G[p, r] + c * G[q, r]
+                for r in range(Q.shape[1]):
+                    Q[p, r], Q[q, r] = c * Q[p, r] - s * Q[q, r], s * Q[p, r] + c * Q[q, r]
+                G[p, q] = G[q, p] = 0.0
+        if rest == 0.0:
+            return
+
+
+@strict_kernel
+def whiten_information(P, H, U, R, block, B, C_, sigma, kinds, axes):
+    """Write the information (1) as w A + sum n_l h_l h_l', in coordinates in which its mean is the identity.
+
+    U = H_j P_j H_j' (K, k, k) and R are diagonal in common coordinates, sigma and 1 - sigma (K, k), and n = v / (sigma
+    + (1 - sigma) v) with v = 1 - w. With A_0 = A and A_l = h_l h_l': B_l = T A_l T' (K, 1 + k, d, d), T = F^-1, F F' =
+    sum mix_l A_l, F upper triangular: so the leading block of Y^-1 = (sum n_l B_l)^-1 stays that of the fused
+    covariance, whose trace is tr(C Y^-1) with C = T E (T E)' / tr, E the first `block` columns of 1. Also write the
+    kinds (3, K) of P, of U + R and of the information.
+    """
+    k, d = H.shape[1], len(axes)
+    M, A, mix = np.empty((3, d, d)), np.empty((d + k, d)), np.empty(d + k)
+    V, L, G, LU, h = np.empty((k, k)), np.empty((k, k)), np.empty((k, k)), np.empty((k, k)), np.empty((k, d))
+    for f in range(len(P)):
+        kinds[0, f], scale = root(P[f], M, axes)
+        kinds[1, f], kinds[2, f] = BAD, FINE
+        for i in range(k):
+            for j in range(k):
+                V[i, j], L[i, j] = U[f, i, j] + R[f, i, j], 1.0 if i == j else 0.0
+        whiten(V, L)
+        if kinds[0, f] != FINE or not (V[k - 1, k - 1] > 0.0 and V[k - 1, k - 1] < np.inf):
+            continue
+        kinds[1, f] = FINE
+        fill_product(L, U[f], LU)
+        fill_product(LU, L.T, G)
+        fill_product(L, H[f], h)
+        diagonalise(G, h)
+        for i in range(d):
+            mix[i] = 0.5  # the information at w = 1/2
+            for j in range(d):
+                A[i, j] = np.sqrt(0.5) * M[T, i, j] if j >= i else 0.0
+        for i in range(k):
+            sigma[f, i] = min(max(G[i, i], 1e-15), 1.0)
+            mix[d + i] = 1 / (1 + sigma[f, i])
+            for j in range(d):
+                A[d + i, j] = np.sqrt(mix[d + i]) * (np.sqrt(scale) * h[i, j])
         if not _orthogonalise(A, M, axes):
-            kind[f] = BAD
+            kinds[2, f] = BAD
             continue
         invert_factor(M, axes)
         total = 0.0
         for i in range(d):
             for j in range(d):
                 C_[f, i, j] = 0.0
-                for k in range(block):
-                    C_[f, i, j] += M[T, i, k] * M[T, j, k]
+                for m in range(block):
+                    C_[f, i, j] += M[T, i, m] * M[T, j, m]
             total += C_[f, i, i]
         for i in range(d):
             for j in range(d):
                 C_[f, i, j] /= total
-                for k in range(m):
-                    for r in range(k * d, k * d + d):
-                        B[f, k, i, j] += A[r, i] * A[r, j] / mix[f, k]
+                for m in range(1 + k):
+                    B[f, m, i, j] = 0.0
+                for r in range(d + k):
+                    B[f, max(r - d + 1, 0), i, j] += A[r, i] * A[r, j] / mix[r]
 
 
 # One scalar reading of a teammate: the weight of one's own belief in covariance intersection, by Newton's method.
@@ -451,3 +487,35 @@ def _scalar_weights(P, H, q, R, trace, scalar, weights):
         if scalar[f]:
             part = P[f, 0, 0], P[f, 0, 1], P[f, 1, 1], H[f, 0, 0], H[f, 0, 1], q[f, 0, 0], R[f, 0, 0]
             weights[f] = 1 - weight_root(*weight_equation(*part, trace))
+
+
+@strict_inlined
+def least_weight(P, P_j, H, U, R, trace, block, M, axes):
+    """Return the exact weight of P (d, d) for one reading H (k, d) of a sender with P_j (e, e) and U = H_j P_j H_j'.
+
+    It is 1 where the sender knows nothing, and nan where something is no covariance. Scratch: M (3, d, d).
+    """
+    k, d = H.shape
+    kind, _ = root(P_j, M, axes)
+    if kind != FINE:
+        return 1.0 if kind == ABSENT else np.nan
+    if k == 1 and block == 2 and (d == 2 or H[0, d - 1] == 0.0):
+        own = P[0, 0], P[0, 1], P[1, 1], H[0, 0], H[0, 1], U[0, 0], R[0, 0]
+        return 1 - weight_root(*weight_equation(*own, trace))
+    P1, H1, U1, R1 = np.empty((1, d, d)), np.empty((1, k, d)), np.empty((1, k, k)), np.empty((1, k, k))
+    for a in range(d):
+        for b in range(d):
+            P1[0, a, b] = P[a, b]
+    for a in range(k):
+        for b in range(d):
+            H1[0, a, b] = H[a, b]
+        for b in range(k):
+            U1[0, a, b], R1[0, a, b] = U[a, b], R[a, b]
+    B, C, sigma = np.empty((1, 1 + k, d, d)), np.empty((1, d, d)), np.empty((1, k))
+    kinds, w = np.empty((3, 1), np.int64), np.empty(1)
+    whiten_information(P1, H1, U1, R1, block, B, C, sigma, kinds, axes)
+    for i in range(len(kinds)):
+        if kinds[i, 0] != FINE:
+            return np.nan
+    search_weights(B, C, sigma, trace, block, np.zeros(1, np.bool_), w, axes)
+    return w[0]

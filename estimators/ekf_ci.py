@@ -14,9 +14,9 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
-from cooploc.estimators import kalman
+from cooploc.estimators import broadcasts, kalman
 from cooploc.estimators.covariance_intersection import solve_relative
-from cooploc.estimators.interface import Array, Belief, Senses
+from cooploc.estimators.interface import Array, Belief, Mail, Senses
 from cooploc.estimators.models import AnchorReading
 from cooploc.estimators.robust import AssumedLoss
 from cooploc.estimators.tunable import tunable
@@ -46,15 +46,22 @@ class EkfCi:
     loss: AssumedLoss = "world"
 
     uses = property(kalman.team_channels)
-    init = kalman.start_broadcasting
+    init = broadcasts.start_broadcasting
     predict = kalman.predict_belief
     correct = kalman.correct_belief
-    fuse = kalman.fuse_broadcasts
     estimate = kalman.estimate_belief
 
-    def send(self, s: kalman.BroadcastState, z: Senses) -> Array:
+    def send(self, s: broadcasts.BroadcastState, z: Senses) -> Array:
         """Return x, the upper triangle of P, the sightings: d + d (d + 1) / 2 + 2 n numbers at most."""
         return kalman.Message(s.x, (s.P,), z.sighting).pack()
+
+    def fuse(self, s: broadcasts.BroadcastState, z: Senses, mail: Mail) -> broadcasts.BroadcastState:
+        rule = broadcasts.Rule(intersect=True, trace=self.criterion == "trace", block=self._block(s.x))
+        return broadcasts.fuse_compiled(self, s, z, mail, rule)
+
+    def _block(self, x: Array) -> int:
+        """Return how many leading states the criterion is about."""
+        return 2 if self.over == "position" else x.shape[-1]
 
     def combine(self, belief: Belief, y: Array, H: Array, H_j: Array, P_j: Array, R: Array) -> Belief:
         """x' = x + K y,  P' = (I - K H) P/w  with  K = P/w H' (H P/w H' + H_j P_j/(1-w) H_j' + R)^-1.
@@ -67,8 +74,7 @@ class EkfCi:
         if rows.size == 0:
             return belief
         x, P, y, H, H_j, P_j = (part[rows] for part in (*belief, y, H, H_j, P_j))
-        block = 2 if self.over == "position" else x.shape[-1]
-        w = solve_relative(P, P_j, H, H_j, R, self.criterion, "exact", block).w
+        w = solve_relative(P, P_j, H, H_j, R, self.criterion, "exact", self._block(x)).w
         after = kalman.inflated_update(Belief(x, P), y, H, H_j, P_j, R, w, kalman.ENGINES[self.engine].update)
         x, P = belief.x.copy(), belief.P.copy()
         x[rows], P[rows] = after

@@ -16,7 +16,7 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from cooploc.estimators import kalman
+from cooploc.estimators import broadcasts, kalman
 from cooploc.estimators.ekf_ci import EkfCi
 from cooploc.estimators.errors import Limits
 from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses, World
@@ -28,7 +28,7 @@ from cooploc.estimators.tunable import tunable
 class State(NamedTuple):
     """The memory of one robot."""
 
-    own: kalman.BroadcastState
+    own: broadcasts.BroadcastState
     sent: Belief  # x (r, d), P (r, d, d) of the last packet, moved on; nan before the first
 
 

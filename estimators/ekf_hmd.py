@@ -11,7 +11,7 @@ density", arXiv 2412.06716, 2024. Its use with a reading of part of the state is
 from dataclasses import dataclass
 from typing import ClassVar
 
-from cooploc.estimators import kalman
+from cooploc.estimators import broadcasts, kalman
 from cooploc.estimators.errors import Limits
 from cooploc.estimators.interface import Array, Belief
 from cooploc.estimators.inverse_covariance_intersection import combine, harmonic_mean
@@ -44,11 +44,11 @@ class EkfHmd:
     loss: AssumedLoss = "world"
 
     uses = property(kalman.team_channels)
-    init = kalman.start_broadcasting
+    init = broadcasts.start_broadcasting
     predict = kalman.predict_belief
     correct = kalman.correct_belief
-    send = kalman.broadcast
-    fuse = kalman.fuse_broadcasts
+    send = broadcasts.broadcast
+    fuse = broadcasts.fuse_broadcasts
     estimate = kalman.estimate_belief
 
     def combine(self, belief: Belief, y: Array, H: Array, H_j: Array, P_j: Array, R: Array) -> Belief:

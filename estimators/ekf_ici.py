@@ -11,7 +11,7 @@ intersection", Automatica 79, 2017. Its use with a reading of part of the state 
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
-from cooploc.estimators import kalman
+from cooploc.estimators import broadcasts, kalman
 from cooploc.estimators.errors import Limits
 from cooploc.estimators.interface import Array, Belief
 from cooploc.estimators.inverse_covariance_intersection import combine, intersection_at_weight, inverse_intersection
@@ -45,11 +45,11 @@ class EkfIci:
     loss: AssumedLoss = "world"
 
     uses = property(kalman.team_channels)
-    init = kalman.start_broadcasting
+    init = broadcasts.start_broadcasting
     predict = kalman.predict_belief
     correct = kalman.correct_belief
-    send = kalman.broadcast
-    fuse = kalman.fuse_broadcasts
+    send = broadcasts.broadcast
+    fuse = broadcasts.fuse_broadcasts
     estimate = kalman.estimate_belief
 
     def combine(self, belief: Belief, y: Array, H: Array, H_j: Array, P_j: Array, R: Array) -> Belief:

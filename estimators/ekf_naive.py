@@ -9,8 +9,8 @@ A. Howard, M. Mataric, G. Sukhatme, "Putting the 'I' in 'team'", ICRA 2003, on s
 from dataclasses import dataclass
 from typing import ClassVar
 
-from cooploc.estimators import kalman
-from cooploc.estimators.interface import Array, Belief
+from cooploc.estimators import broadcasts, kalman
+from cooploc.estimators.interface import Array, Belief, Mail, Senses
 from cooploc.estimators.models import AnchorReading
 from cooploc.estimators.robust import AssumedLoss
 from cooploc.estimators.tunable import tunable
@@ -33,12 +33,14 @@ class EkfNaive:
     loss: AssumedLoss = "world"
 
     uses = property(kalman.team_channels)
-    init = kalman.start_broadcasting
+    init = broadcasts.start_broadcasting
     predict = kalman.predict_belief
     correct = kalman.correct_belief
-    send = kalman.broadcast
-    fuse = kalman.fuse_broadcasts
+    send = broadcasts.broadcast
     estimate = kalman.estimate_belief
+
+    def fuse(self, s: broadcasts.BroadcastState, z: Senses, mail: Mail) -> broadcasts.BroadcastState:
+        return broadcasts.fuse_compiled(self, s, z, mail, broadcasts.Rule())
 
     def combine(self, belief: Belief, y: Array, H: Array, H_j: Array, P_j: Array, R: Array) -> Belief:
         """S = H P H' + H_j P_j H_j' + R: the sender's uncertainty counts as noise, independent of the robot's own."""

@@ -14,7 +14,7 @@ import numpy as np
 from cooploc.estimators import interface, kalman_kernels, models
 from cooploc.estimators.compiled import readable, spread_out
 from cooploc.estimators.errors import require
-from cooploc.estimators.interface import Array, Belief, Indices, Mail, Mask, Rows, Senses, Sensor, Traffic, World
+from cooploc.estimators.interface import Array, Belief, Indices, Mail, Mask, Senses, Sensor, Traffic, World
 from cooploc.estimators.kalman_kernels import LandmarkSightings
 from cooploc.estimators.models import LogDistance, Orientation, Range, Sighting, Unicycle, fixed_readings, wrap_heading
 from cooploc.estimators.robust import loss_of, rescale
@@ -231,6 +231,12 @@ def _wheels(motion: Unicycle, x: Array, z: Senses) -> tuple[Array, Array, Array,
     return readable(x).reshape(-1, 3), readable(z.odometry).reshape(-1, 2), readable(z.dt).reshape(-1), variances
 
 
+def sensor_model(sensor: Sensor) -> tuple[int, float, float]:
+    """Return a sensor of `KINDS` as compiled loops take it: its kind and, of an RSSI, A and slope 10 eta / ln 10."""
+    A, slope = (sensor.A, 10 * sensor.eta / np.log(10)) if isinstance(sensor, LogDistance) else (0.0, 0.0)
+    return KINDS[type(sensor)], A, slope
+
+
 def innovation(sensor: Sensor, x: Array, q: Array, z: Array) -> tuple[Array, Array, Array]:
     """Return y (..., k), H (..., k, d), Hq (..., k, 2) of readings z (..., k) of places q (..., 2) at x (..., d)."""
     if type(sensor) not in KINDS:
@@ -238,11 +244,10 @@ def innovation(sensor: Sensor, x: Array, q: Array, z: Array) -> tuple[Array, Arr
     lead, d, k = x.shape[:-1], x.shape[-1], z.shape[-1]
     if q.ndim > 1 and q.shape[:-1] != lead:
         lead = np.broadcast_shapes(lead, q.shape[:-1])
-    A, slope = (sensor.A, 10 * sensor.eta / np.log(10)) if isinstance(sensor, LogDistance) else (0.0, 0.0)
     places = readable(q).reshape(-1, q.shape[-1]) if q.ndim == 1 else _vectors(q, lead)
     y, H = np.empty((*lead, k)), np.empty((*lead, k, d))
     out = y.reshape(-1, k), H.reshape(-1, k, d)
-    kalman_kernels.relate(KINDS[type(sensor)], A, slope, _vectors(x, lead), places, _vectors(z, lead), *out)
+    kalman_kernels.relate(*sensor_model(sensor), _vectors(x, lead), places, _vectors(z, lead), *out)
     return y, H, -H[..., :2]
 
 
@@ -440,41 +445,3 @@ def soften_pair(
 def curvature(sensor: Sensor, x_i: Array, x_j: Array, D: Array) -> tuple[Array, Array]:
     """Return a range's second-order mean shift (..., k) and variance (..., k, k); x_i - x_j has D (..., 2, 2)."""
     return sensor.curvature(x_i, x_j[..., :2], D) if isinstance(sensor, Range) else (np.zeros(1), np.zeros((1, 1)))
-
-
-class BroadcastState(NamedTuple):
-    """The memory of one robot."""
-
-    x: Array  # (r, d)
-    P: Array  # (r, d, d)
-    robot: Indices  # (r,)
-    world: World
-
-
-# The steps of the EKFs that broadcast one belief a tick; they differ in `combine` alone. Sent: x and the triangle of P
-# (5 numbers, with a heading 9) and, with a camera, range and bearing of every teammate in sight; 8 bytes each. A robot
-# that was sighted uses that reading, too (`both`).
-
-
-def start_broadcasting(p: Any, prior: Belief, world: World, rows: Rows) -> BroadcastState:
-    """Return the prior as the first belief."""
-    return BroadcastState(prior.x, prior.P, rows.robot, assume(p, world))
-
-
-def broadcast(p: Any, s: BroadcastState, z: Senses) -> Array:
-    """Return the belief before this tick's fusion, and the sightings, as packets (r, m)."""
-    return Message(s.x, (s.P,), z.sighting if p.both else z.sighting[:, :0]).pack()
-
-
-def fuse_broadcasts(p: Any, s: BroadcastState, z: Senses, mail: Mail) -> BroadcastState:
-    """Combine one reading after the other, each linearised at the belief that the last one left.
-
-    `p.combine(belief, y, H, H_j, P_j, R)` returns the belief after readings y (r, k) with H (r, k, d) of senders with
-    H_j (r, k, d) and P_j (r, d, d), and R (k, k); rows with a nan come back bit-identical.
-    """
-    belief, sent = Belief(s.x, s.P), Message.unpack(mail.packets, s.x.shape[-1])
-    for pair in receive(s.world, z, mail, sent.sightings, s.robot):
-        P_j = sent.P[0][:, pair.sender]
-        linear = soften_pair(pair.sensor, *pair.linearise(belief.x, sent.x[:, pair.sender]), belief.P, P_j)
-        belief = p.combine(belief, *linear, P_j, pair.sensor.R)
-    return s._replace(x=belief.x, P=belief.P)

@@ -110,9 +110,12 @@ def _neighbours_first(file: Path, helpers: list[Named]) -> Iterator[None]:
             del sys.modules[name]  # all of them, as one may have imported another
     importlib.invalidate_caches()
     sys.path.insert(0, str(file.resolve().parent))
+    # What Python keeps of a file it knows by its second and its size: of an edited one it may keep what was before.
+    before, sys.dont_write_bytecode = sys.dont_write_bytecode, True
     try:
         yield
     finally:
+        sys.dont_write_bytecode = before
         sys.path.pop(0)
         _neighbours.update({name: one for name, one in now.items() if name in sys.modules})
 

@@ -76,7 +76,7 @@ def select_channels(name: str, uses: tuple[str, ...], stream: Stream) -> set[str
 
 
 def deliver(sent: Array, robots: int, link: Mask, rssi: Array, distance: Array) -> Mail:
-    """Deliver packets over the links that hold; a packet of nan only is silence.
+    """Deliver packets over the links that hold, in arrays of their own; a packet of nan only is silence.
 
     `sent` is (t n, m) for everyone, or (t n, n, m) with axis 1 the addressee. Axis 1 of `link`, `rssi` [dBm] and
     `distance` [m] (t, n, n) is the receiver.
@@ -86,7 +86,7 @@ def deliver(sent: Array, robots: int, link: Mask, rssi: Array, distance: Array) 
     signal, away = np.empty((t, n, n)), np.empty((t, n, n))
     wire = readable(sent.reshape(t, n, -1, m) if m else np.empty((t, n, 1, 0)))
     _deliver(wire, readable(link), readable(rssi), readable(distance), heard, packets, signal, away)
-    return Mail(*(a.reshape(t * n, *a.shape[2:]) for a in (heard, packets, signal, away)))  # type: ignore[arg-type]
+    return Mail(*(lock(a.reshape(t * n, *a.shape[2:])) for a in (heard, packets, signal, away)))
 
 
 def count(sent: Array, awake: Mask) -> Traffic:
@@ -245,14 +245,14 @@ class Robots(_Loop):
             return self.silence
         awake = self.stream.senses.dt[:, k] > 0  # a robot that is asleep sends nothing
         mail = deliver(sent, n, link, rssi, distance)
-        return Mail(*(freeze(a) for a in mail)), count(sent, awake.reshape(t, n))
+        return mail, count(sent, awake.reshape(t, n))
 
     @cached_property
     def silence(self) -> tuple[Mail, Traffic]:
         """Mail and traffic of an estimator that never transmits, the same in every tick."""
         (t, n), sent = self.shape, np.empty((len(self.rows.key), 0))
         mail = deliver(sent, n, np.zeros((t, n, n), bool), self.hidden, self.hidden)
-        return Mail(*(freeze(a) for a in mail)), count(sent, np.ones((t, n), bool))
+        return mail, count(sent, np.ones((t, n), bool))
 
 
 class Team(_Loop):
@@ -269,8 +269,8 @@ class Team(_Loop):
         z = self.senses(k, flat=False)
         link, rssi, distance = self.air(k)
         t, n = self.shape
-        heard = (a if a is self.hidden else freeze(np.where(link, a, np.nan)) for a in (rssi, distance))
-        air = Mail(freeze(link), freeze(np.empty((t, n, n, 0))), *heard)
+        heard = (a if a is self.hidden else lock(np.where(link, a, np.nan)) for a in (rssi, distance))
+        air = Mail(freeze(link), lock(np.empty((t, n, n, 0))), *heard)
         self.state = self.call("predict", k, self.state, z)
         self.state = self.call("correct", k, self.state, z)
         self.state, traffic = self.call("exchange", k, self.state, z, air)
@@ -303,3 +303,9 @@ class Offline(_Loop):
 def freeze(a: Any, shape: tuple[int, ...] | None = None) -> Any:
     """Return a copy that cannot be written to, nor lead back to what it was cut from: other channels, trials, ticks."""
     return np.ndarray(a.shape if shape is None else shape, a.dtype, a.tobytes())
+
+
+def lock(a: Any) -> Any:
+    """Return an array that nothing else uses, and that cannot be written to by mistake."""
+    a.flags.writeable = False
+    return a

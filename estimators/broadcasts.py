@@ -1,0 +1,163 @@
+"""The EKFs that broadcast one belief a tick, and combine what they hear one reading after the other.
+
+Sent: x and the triangle of P (5 numbers, with a heading 9) and, with a camera, range and bearing of every teammate in
+sight; 8 bytes each. A robot that was sighted uses that reading, too (`both`). The filters differ in `combine` alone,
+which states it in numpy. For the sensors that are built in, readings without a robust loss and the engine "batched",
+a compiled loop over rows does the same for a sender's belief that is taken for independent, or intersected.
+"""
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cooploc.estimators.compiled import readable, strict_inlined, strict_kernel
+from cooploc.estimators.covariance_intersection import least_weight
+from cooploc.estimators.interface import Array, Belief, Indices, Mail, Rows, Senses, Sensor, World
+from cooploc.estimators.kalman import KINDS, Message, assume, receive, sensor_model, soften_pair
+from cooploc.estimators.kalman_kernels import absorb_row, fill_sum, is_known, linearise_row, whiten
+from cooploc.estimators.robust import loss_of
+
+
+class BroadcastState(NamedTuple):
+    """The memory of one robot."""
+
+    x: Array  # (r, d)
+    P: Array  # (r, d, d)
+    robot: Indices  # (r,)
+    world: World
+
+
+def start_broadcasting(p: Any, prior: Belief, world: World, rows: Rows) -> BroadcastState:
+    """Return the prior as the first belief."""
+    return BroadcastState(prior.x, prior.P, rows.robot, assume(p, world))
+
+
+def broadcast(p: Any, s: BroadcastState, z: Senses) -> Array:
+    """Return the belief before this tick's fusion, and the sightings, as packets (r, m)."""
+    return Message(s.x, (s.P,), z.sighting if p.both else z.sighting[:, :0]).pack()
+
+
+def fuse_broadcasts(p: Any, s: BroadcastState, z: Senses, mail: Mail) -> BroadcastState:
+    """Combine one reading after the other, each linearised at the belief that the last one left.
+
+    `p.combine(belief, y, H, H_j, P_j, R)` returns the belief after readings y (r, k) with H (r, k, d) of senders with
+    H_j (r, k, d) and P_j (r, d, d), and R (k, k); rows with a nan come back bit-identical.
+    """
+    belief, sent = Belief(s.x, s.P), Message.unpack(mail.packets, s.x.shape[-1])
+    for pair in receive(s.world, z, mail, sent.sightings, s.robot):
+        P_j = sent.P[0][:, pair.sender]
+        linear = soften_pair(pair.sensor, *pair.linearise(belief.x, sent.x[:, pair.sender]), belief.P, P_j)
+        belief = p.combine(belief, *linear, P_j, pair.sensor.R)
+    return s._replace(x=belief.x, P=belief.P)
+
+
+class Rule(NamedTuple):
+    """How a compiled loop combines: the sender's belief independent of the own one, or both intersected."""
+
+    intersect: bool = False
+    trace: bool = True  # what a weight minimises of the result: its trace, else its determinant
+    block: int = 2  # leading states that this is about
+
+
+def fuse_compiled(p: Any, s: BroadcastState, z: Senses, mail: Mail, rule: Rule) -> BroadcastState:
+    """Return what `fuse_broadcasts` does, by a compiled loop where there is one for all sensors."""
+    sensors = [s.world.sensors.get(name) for name in ("sighting", "radio_rssi", "radio_range")]
+    built_in = all(type(one) in KINDS and loss_of(one) == "none" for one in sensors if one is not None)
+    if p.engine != "batched" or not built_in:
+        return fuse_broadcasts(p, s, z, mail)
+    x, P, sent = s.x.copy(), s.P.copy(), Message.unpack(mail.packets, s.x.shape[-1])
+    senders = readable(sent.x), readable(sent.P[0])
+    for sensor, readings, by_sender in _reading_arrays(s, z, mail, sent):
+        model = (*sensor_model(sensor), sensor.R)
+        if not _fuse(x, P, senders, readable(readings), model, by_sender, rule, p.gate, (0,) * x.shape[-1]):
+            return fuse_broadcasts(p, s, z, mail)  # which names what is no covariance
+    return s._replace(x=x, P=P)
+
+
+def _reading_arrays(s: BroadcastState, z: Senses, mail: Mail, sent: Message) -> Iterator[tuple[Sensor, Array, bool]]:
+    """Yield a tick's readings of all senders (r, n, k) in the order of `receive`, and whether the senders made them."""
+    camera, rssi, ranged = (s.world.sensors.get(name) for name in ("sighting", "radio_rssi", "radio_range"))
+    if camera is not None:
+        yield camera, z.sighting, False
+    if rssi is not None:
+        yield rssi, mail.rssi[..., None], False
+    if ranged is not None:
+        yield ranged, mail.range[..., None], False
+    if camera is not None and sent.sightings.shape[2]:
+        yield camera, sent.sightings[np.arange(len(s.robot)), :, s.robot], True
+
+
+@strict_inlined
+def _mirror_place(H, out):
+    """Write the Jacobian (k, d) by the place that was read, given that by the pose of who read it."""
+    for a in range(H.shape[0]):
+        for c in range(H.shape[1]):
+            out[a, c] = -H[a, c] if c < 2 else 0.0
+
+
+@strict_inlined
+def _fill_form(H, P, out):
+    """Write H P H', symmetric."""
+    for a in range(len(H)):
+        for b in range(a + 1):
+            v = 0.0
+            for c in range(len(P)):
+                for e in range(len(P)):
+                    v += H[a, c] * P[c, e] * H[b, e]
+            out[a, b] = out[b, a] = v
+
+
+@strict_inlined
+def _squared_distance(y, S, B):
+    """Return y' S^-1 y; S (k, k) is destroyed, B (k, m) is scratch."""
+    far = 0.0
+    for a in range(len(y)):
+        for b in range(B.shape[1]):
+            B[a, b] = y[a] if b == 0 else 0.0
+    whiten(S, B)
+    for a in range(len(y)):
+        far += B[a, 0] * B[a, 0]
+    return far
+
+
+@strict_kernel
+def _fuse(x, P, senders, z, model, by_sender, rule, gate, axes):
+    """Update x (r, d), P (r, d, d) in place by readings z (r, n, k) of senders or by them; False where a P is none.
+
+    y = z - h,  N = H_j P_j H_j',  S = H P H' + N + R. Independent: by S. Intersected: by P/w and N/(1-w), gated by S of
+    independent robots, twice as wide.
+    """
+    (x_j, P_j), (kind, A, slope, R), (intersect, trace, block) = senders, model, rule
+    d, n, k = len(axes), z.shape[1], z.shape[2]
+    y, H, H_j, N, noise = np.empty(k), np.empty((k, d)), np.empty((k, d)), np.empty((k, k)), np.empty((k, k))
+    S, B, C, M = np.empty((k, k)), np.empty((k, d + 1)), np.empty((d, d)), np.empty((3, d, d))
+    for r in range(len(x)):
+        for j in range(n):
+            if np.isnan(z[r, j, 0]):
+                continue
+            if by_sender:
+                linearise_row(kind, A, slope, x_j[r, j], x[r], z[r, j], y, H_j)
+                _mirror_place(H_j, H)
+            else:
+                linearise_row(kind, A, slope, x[r], x_j[r, j], z[r, j], y, H)
+                _mirror_place(H, H_j)
+            _fill_form(H_j, P_j[r, j], N)
+            fill_sum(1.0, N, 1.0, R, noise)
+            if not is_known(y, H, noise):
+                continue
+            if not intersect:
+                absorb_row(x[r], P[r], y, H, noise, gate, S, B, C)
+                continue
+            _fill_form(H, P[r], S)
+            fill_sum(1.0, S, 1.0, noise, S)
+            if not _squared_distance(y, S, B) <= 2 * gate:
+                continue
+            w = least_weight(P[r], P_j[r, j], H, N, R, trace, block, M, axes)
+            if np.isnan(w):
+                return False
+            if w < 1:
+                fill_sum(1 / w, P[r], 0.0, P[r], P[r])
+                fill_sum(1 / (1 - w), N, 1.0, R, noise)
+                absorb_row(x[r], P[r], y, H, noise, np.inf, S, B, C)
+    return True
