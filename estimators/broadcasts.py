@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cooploc.estimators.compiled import readable, strict_inlined, strict_kernel
-from cooploc.estimators.covariance_intersection import least_weight
+from cooploc.estimators.covariance_intersection import ABSENT, BAD, least_weight, root, weight_equation, weight_root
 from cooploc.estimators.interface import Array, Belief, Indices, Mail, Rows, Senses, Sensor, World
 from cooploc.estimators.kalman import KINDS, Message, assume, receive, sensor_model, soften_pair
 from cooploc.estimators.kalman_kernels import absorb_row, fill_sum, is_known, linearise_row, whiten
@@ -70,7 +70,10 @@ def fuse_compiled(p: Any, s: BroadcastState, z: Senses, mail: Mail, rule: Rule) 
     senders = readable(sent.x), readable(sent.P[0])
     for sensor, readings, by_sender in _reading_arrays(s, z, mail, sent):
         model = (*sensor_model(sensor), sensor.R)
-        if not _fuse(x, P, senders, readable(readings), model, by_sender, rule, p.gate, (0,) * x.shape[-1]):
+        one_number = readings.shape[-1] == 1 and rule.block == 2  # then the weight is a root, and nothing is searched
+        how = rule.intersect, rule.trace, p.gate
+        block = None if one_number or not rule.intersect else rule.block
+        if not _fuse(x, P, senders, readable(readings), model, by_sender, how, block, (0,) * x.shape[-1]):
             return fuse_broadcasts(p, s, z, mail)  # which names what is no covariance
     return s._replace(x=x, P=P)
 
@@ -122,13 +125,13 @@ def _squared_distance(y, S, B):
 
 
 @strict_kernel
-def _fuse(x, P, senders, z, model, by_sender, rule, gate, axes):
+def _fuse(x, P, senders, z, model, by_sender, how, block, axes):
     """Update x (r, d), P (r, d, d) in place by readings z (r, n, k) of senders or by them; False where a P is none.
 
     y = z - h,  N = H_j P_j H_j',  S = H P H' + N + R. Independent: by S. Intersected: by P/w and N/(1-w), gated by S of
-    independent robots, twice as wide.
+    independent robots, twice as wide. Where `block` is None nothing that searches for w is compiled.
     """
-    (x_j, P_j), (kind, A, slope, R), (intersect, trace, block) = senders, model, rule
+    (x_j, P_j), (kind, A, slope, R), (intersect, trace, gate) = senders, model, how
     d, n, k = len(axes), z.shape[1], z.shape[2]
     y, H, H_j, N, noise = np.empty(k), np.empty((k, d)), np.empty((k, d)), np.empty((k, k)), np.empty((k, k))
     S, B, C, M = np.empty((k, k)), np.empty((k, d + 1)), np.empty((d, d)), np.empty((3, d, d))
@@ -153,8 +156,15 @@ def _fuse(x, P, senders, z, model, by_sender, rule, gate, axes):
             fill_sum(1.0, S, 1.0, noise, S)
             if not _squared_distance(y, S, B) <= 2 * gate:
                 continue
-            w = least_weight(P[r], P_j[r, j], H, N, R, trace, block, M, axes)
-            if np.isnan(w):
+            known, _ = root(P_j[r, j], M, axes)
+            if known == ABSENT:  # the sender knows nothing
+                continue
+            if block is None:
+                own = P[r, 0, 0], P[r, 0, 1], P[r, 1, 1], H[0, 0], H[0, 1], N[0, 0], R[0, 0]
+                w = 1 - weight_root(*weight_equation(*own, trace))
+            else:
+                w = least_weight(P[r], H, N, R, trace, block, axes)
+            if known == BAD or np.isnan(w):
                 return False
             if w < 1:
                 fill_sum(1 / w, P[r], 0.0, P[r], P[r])

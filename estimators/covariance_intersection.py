@@ -288,7 +288,7 @@ def _kind(P, axes):
     return ABSENT if vague == len(axes) else BAD if skew else FINE
 
 
-@strict_inlined
+@strict_kernel
 def root(P, M, axes):
     """Write T with T' T = c P^-1; return the kind of P, and c, its greatest variance."""
     kind, scale = _kind(P, axes), 0.0
@@ -489,19 +489,10 @@ def _scalar_weights(P, H, q, R, trace, scalar, weights):
             weights[f] = 1 - weight_root(*weight_equation(*part, trace))
 
 
-@strict_inlined
-def least_weight(P, P_j, H, U, R, trace, block, M, axes):
-    """Return the exact weight of P (d, d) for one reading H (k, d) of a sender with P_j (e, e) and U = H_j P_j H_j'.
-
-    It is 1 where the sender knows nothing, and nan where something is no covariance. Scratch: M (3, d, d).
-    """
+@strict_kernel
+def least_weight(P, H, U, R, trace, block, axes):
+    """Return the exact weight of P (d, d) for a reading H (k, d), U = H_j P_j H_j'; nan where one is no covariance."""
     k, d = H.shape
-    kind, _ = root(P_j, M, axes)
-    if kind != FINE:
-        return 1.0 if kind == ABSENT else np.nan
-    if k == 1 and block == 2 and (d == 2 or H[0, d - 1] == 0.0):
-        own = P[0, 0], P[0, 1], P[1, 1], H[0, 0], H[0, 1], U[0, 0], R[0, 0]
-        return 1 - weight_root(*weight_equation(*own, trace))
     P1, H1, U1, R1 = np.empty((1, d, d)), np.empty((1, k, d)), np.empty((1, k, k)), np.empty((1, k, k))
     for a in range(d):
         for b in range(d):
