@@ -62,7 +62,7 @@ def make(configured: str | ConfiguredEstimator, **parameters: Any) -> Any:
     Raises:
         BadInput: an unknown name or parameter, or a value that does not fit; says the nearest known one.
     """
-    asked = configure(configured) if isinstance(configured, str) else configured
+    asked = configured if isinstance(configured, ConfiguredEstimator) else configure(configured)
     found, preset = REGISTRY.find(asked.name), {}
     if asked.builtin:
         place, preset = found

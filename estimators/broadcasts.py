@@ -6,14 +6,13 @@ which states it in numpy. For the sensors that are built in, readings without a 
 a compiled loop over rows does the same for a sender's belief that is taken for independent, or intersected.
 """
 
-from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from cooploc.estimators.compiled import readable, strict_inlined, strict_kernel
 from cooploc.estimators.covariance_intersection import ABSENT, BAD, least_weight, root, weight_equation, weight_root
-from cooploc.estimators.interface import Array, Belief, Indices, Mail, Rows, Senses, Sensor, World
+from cooploc.estimators.interface import Array, Belief, Indices, Mail, Rows, Senses, World
 from cooploc.estimators.kalman import KINDS, Message, assume, receive, sensor_model, soften_pair
 from cooploc.estimators.kalman_kernels import absorb_row, fill_sum, is_known, linearise_row, whiten
 from cooploc.estimators.robust import loss_of
@@ -62,33 +61,21 @@ class Rule(NamedTuple):
 
 def fuse_compiled(p: Any, s: BroadcastState, z: Senses, mail: Mail, rule: Rule) -> BroadcastState:
     """Return what `fuse_broadcasts` does, by a compiled loop where there is one for all sensors."""
-    sensors = [s.world.sensors.get(name) for name in ("sighting", "radio_rssi", "radio_range")]
-    built_in = all(type(one) in KINDS and loss_of(one) == "none" for one in sensors if one is not None)
+    tables = [(*table, False) for table in s.world.of_teammates(z, mail)]  # and whether the senders made them
+    built_in = all(type(sensor) in KINDS and loss_of(sensor) == "none" for sensor, _, _ in tables)
     if p.engine != "batched" or not built_in:
         return fuse_broadcasts(p, s, z, mail)
     x, P, sent = s.x.copy(), s.P.copy(), Message.unpack(mail.packets, s.x.shape[-1])
     senders = readable(sent.x), readable(sent.P[0])
-    for sensor, readings, by_sender in _reading_arrays(s, z, mail, sent):
-        model = (*sensor_model(sensor), sensor.R)
+    if "sighting" in s.world.sensors and sent.sightings.shape[2]:
+        tables.append((s.world.sensors["sighting"], sent.sightings[np.arange(len(s.robot)), :, s.robot], True))
+    for sensor, readings, by_sender in tables:
         one_number = readings.shape[-1] == 1 and rule.block == 2  # then the weight is a root, and nothing is searched
-        how = rule.intersect, rule.trace, p.gate
         block = None if one_number or not rule.intersect else rule.block
+        model, how = (*sensor_model(sensor), sensor.R), (rule.intersect, rule.trace, p.gate)
         if not _fuse(x, P, senders, readable(readings), model, by_sender, how, block, (0,) * x.shape[-1]):
             return fuse_broadcasts(p, s, z, mail)  # which names what is no covariance
     return s._replace(x=x, P=P)
-
-
-def _reading_arrays(s: BroadcastState, z: Senses, mail: Mail, sent: Message) -> Iterator[tuple[Sensor, Array, bool]]:
-    """Yield a tick's readings of all senders (r, n, k) in the order of `receive`, and whether the senders made them."""
-    camera, rssi, ranged = (s.world.sensors.get(name) for name in ("sighting", "radio_rssi", "radio_range"))
-    if camera is not None:
-        yield camera, z.sighting, False
-    if rssi is not None:
-        yield rssi, mail.rssi[..., None], False
-    if ranged is not None:
-        yield ranged, mail.range[..., None], False
-    if camera is not None and sent.sightings.shape[2]:
-        yield camera, sent.sightings[np.arange(len(s.robot)), :, s.robot], True
 
 
 @strict_inlined

@@ -132,11 +132,14 @@ class World:
             yield from ((sensor, places[i], one) for i, one in _present(readings, len(places)))
 
     def relative(self, z: Senses, mail: Mail) -> Iterator[tuple[Sensor, int, Array]]:
-        """Yield readings of teammates as (sensor, sender, reading (r, k)): sightings, then radio RSSI, then range."""
+        """Yield present readings of teammates as (sensor, sender, reading (r, k)), in the order of `of_teammates`."""
+        for sensor, readings in self.of_teammates(z, mail):
+            yield from ((sensor, j, one) for j, one in _present(readings, self.robots))
+
+    def of_teammates(self, z: Senses, mail: Mail) -> list[tuple[Sensor, Array]]:
+        """Return the sensors of teammates and their readings (r, n, k): sightings, then radio RSSI, then range."""
         channels = {"sighting": z.sighting, "radio_rssi": mail.rssi[..., None], "radio_range": mail.range[..., None]}
-        for channel, readings in channels.items():
-            if (sensor := self.sensors.get(channel)) is not None:
-                yield from ((sensor, j, one) for j, one in _present(readings, self.robots))
+        return [(self.sensors[channel], readings) for channel, readings in channels.items() if channel in self.sensors]
 
     def stack(self, x: Array, z: Senses) -> tuple[Array, Array, Array]:
         """Return a tick's readings of fixed things as one vector y (..., m), H (..., m, d) and R (..., m, m).

@@ -407,10 +407,8 @@ def pair_readings(world: World, z: Senses, air: Mail) -> Iterator[tuple[Sensor, 
 
 def reading_tables(world: World, z: Senses, air: Mail) -> Iterator[tuple[Sensor, Array]]:
     """Yield the same readings as one array (t, receiver, sender, k) a sensor, nan on the diagonal."""
-    radio = ("radio_rssi", air.rssi[..., None]), ("radio_range", air.range[..., None])
-    for channel, readings in (("sighting", z.sighting), *radio):
-        sensor = world.sensors.get(channel)
-        if sensor is not None and not np.isnan(readings).all():
+    for sensor, readings in world.of_teammates(z, air):
+        if not np.isnan(readings).all():
             yield sensor, np.where(np.eye(world.robots, dtype=bool)[..., None], np.nan, readings)
 
 

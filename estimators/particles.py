@@ -422,9 +422,7 @@ def _push(memory: Array, newest: Array) -> Array:
 
 def team_readings(world: World, z: Senses, mail: Mail) -> tuple[Sensor, Array]:
     """Return the sensor of teammates, and its readings (r, n, k) of the senders heard; nan where absent or too near."""
-    channels = {"sighting": z.sighting, "radio_rssi": mail.rssi[..., None], "radio_range": mail.range[..., None]}
-    name = next(channel for channel in channels if channel in world.sensors)
-    sensor, reading = world.sensors[name], channels[name]
+    sensor, reading = world.of_teammates(z, mail)[0]
     ranged = isinstance(sensor, models.Range | models.Sighting)
     refused = ~mail.heard[..., None] | (ranged & (reading[..., :1] < models.TOO_NEAR_TO_RANGE))
     return sensor, np.where(refused, np.nan, reading)

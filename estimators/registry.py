@@ -95,7 +95,7 @@ SHOWN = re.compile(r"(?<![\w./=\[,-])([a-z][a-z0-9-]*)=[^\s\[\],=]*\.py:\w+")
 
 def parse(label: str) -> tuple[str, dict[str, str]]:
     """Read `mrsl-rssi[particles=500,reading=rssi]` as its name and its parameters; BadInput where it is none."""
-    match = LABEL.fullmatch(label)
+    match = LABEL.fullmatch(label) if isinstance(label, str) else None
     if match is None or not label.isprintable():
         raise BadInput(f"cannot read {label!r}; write it like mrsl-rssi[particles=500,K=1]")
     parameters = {}

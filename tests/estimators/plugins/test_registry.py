@@ -31,6 +31,7 @@ def test_parameters_are_written_the_same_everywhere():
         ("arl[particles=1]", "particles is 1; it must be at least 2"),
         ("arl[particles]", "write name=value"),
         ("arl[particles=1", "write it like mrsl-rssi[particles=500,K=1]"),
+        (3, "cannot read 3; write it like mrsl-rssi[particles=500,K=1]"),
         ("arl[uses=x]", "has no parameter 'uses'"),
         ("Mine=own.py:Mine", "'Mine' cannot be a name: write small letters, digits, hyphens, as in mine=own.py:Mine"),
         ("=own.py:Mine", "'' cannot be a name"),
