@@ -72,7 +72,7 @@ def fuse_compiled(p: Any, s: BroadcastState, z: Senses, mail: Mail, rule: Rule) 
     for sensor, readings, by_sender in tables:
         one_number = readings.shape[-1] == 1 and rule.block == 2  # then the weight is a root, and nothing is searched
         block = None if one_number or not rule.intersect else rule.block
-        model, how = (*sensor_model(sensor), sensor.R), (rule.intersect, rule.trace, p.gate)
+        model, how = (*sensor_model(sensor), sensor.R), (rule.intersect, rule.trace, float(p.gate))
         if not _fuse(x, P, senders, readable(readings), model, by_sender, how, block, (0,) * x.shape[-1]):
             return fuse_broadcasts(p, s, z, mail)  # which names what is no covariance
     return s._replace(x=x, P=P)

@@ -14,6 +14,7 @@ from cooploc.estimators.ekf_event_ci import EkfEventCi
 from cooploc.estimators.ekf_hmd import EkfHmd
 from cooploc.estimators.ekf_ici import EkfIci
 from cooploc.estimators.ekf_naive import EkfNaive
+from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Belief
 from cooploc.estimators.inverse_covariance_intersection import (
     combine,
@@ -157,6 +158,17 @@ def test_a_run_is_the_published_fusion_of_whole_states(cls):
                     x[i] = x[i] + step
         np.testing.assert_allclose(got.x[0, k], x, atol=1e-8)
         np.testing.assert_allclose(got.P[0, k], P, atol=1e-8)
+
+
+@pytest.mark.parametrize("label", ["robots-1-3/n=2", "camera/n=2[sight=8,view=1.5]"])
+def test_a_received_covariance_that_is_none_is_named(label):
+    class Liar(EkfCi):
+        def send(self, s, z):
+            negative = np.diag([1.0, -1e-4, 1.0][: s.x.shape[-1]])
+            return super().send(s._replace(P=np.broadcast_to(negative, s.P.shape)), z)
+
+    with pytest.raises(BadInput, match="P_j of fusion 0 is not a covariance"):
+        trace("liar", Liar(), simulate(label, trials=1, ticks=60, seed=1)[1])
 
 
 @pytest.mark.parametrize("label", ["packet-drop/drop=0.3", "camera/n=3", "asynchrony/samples=1"])
