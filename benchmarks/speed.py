@@ -173,7 +173,7 @@ def draw_roofline(points: list[Any], roofs: dict[str, Any], path: Path) -> None:
         ax.plot(reach, np.minimum(reach * bandwidth, peak) / 1e9, line, color=colour, label=f"processor, {name}")
         for _, robots, x, y in (point for point in points if point[0] == name):
             ax.plot(x, y / 1e9, mark, color=colour, label=f"mrsl-rssi, {name}")
-            ax.annotate(f"{robots} robots", (x, y / 1e9), (-8, -12), textcoords="offset points", fontsize=8)
+            ax.annotate(f"{robots} robots", (x, y / 1e9), (-8, 6), textcoords="offset points", fontsize=8)
     style.finish(ax, "operations per byte", "billion operations a second", grid="both")
     style.set_log_scale(ax.xaxis, 0.5, 200)
     style.set_log_scale(ax.yaxis, 10, 200)

@@ -74,7 +74,7 @@ def fuse_compiled(p: Any, s: BroadcastState, z: Senses, mail: Mail, rule: Rule) 
         block = None if one_number or not rule.intersect else rule.block
         model, how = (*sensor_model(sensor), sensor.R), (rule.intersect, rule.trace, float(p.gate))
         if not _fuse(x, P, senders, readable(readings), model, by_sender, how, block, (0,) * x.shape[-1]):
-            return fuse_broadcasts(p, s, z, mail)  # which names what is no covariance
+            return fuse_broadcasts(p, s, z, mail)  # it says which covariance cannot be used
     return s._replace(x=x, P=P)
 
 
@@ -99,15 +99,14 @@ def _fill_form(H, P, out):
 
 
 @strict_inlined
-def _squared_distance(y, S, B):
-    """Return y' S^-1 y; S (k, k) is destroyed, B (k, m) is scratch."""
+def _squared_distance(y, S, e):
+    """Return y' S^-1 y; S (k, k) is destroyed, e (k, 1) is scratch."""
     far = 0.0
     for a in range(len(y)):
-        for b in range(B.shape[1]):
-            B[a, b] = y[a] if b == 0 else 0.0
-    whiten(S, B)
+        e[a, 0] = y[a]
+    whiten(S, e)
     for a in range(len(y)):
-        far += B[a, 0] * B[a, 0]
+        far += e[a, 0] * e[a, 0]
     return far
 
 
@@ -121,7 +120,7 @@ def _fuse(x, P, senders, z, model, by_sender, how, block, axes):
     (x_j, P_j), (kind, A, slope, R), (intersect, trace, gate) = senders, model, how
     d, n, k = len(axes), z.shape[1], z.shape[2]
     y, H, H_j, N, noise = np.empty(k), np.empty((k, d)), np.empty((k, d)), np.empty((k, k)), np.empty((k, k))
-    S, B, C, M = np.empty((k, k)), np.empty((k, d + 1)), np.empty((d, d)), np.empty((3, d, d))
+    S, e, B, C, M = np.empty((k, k)), np.empty((k, 1)), np.empty((k, d + 1)), np.empty((d, d)), np.empty((3, d, d))
     for r in range(len(x)):
         for j in range(n):
             if np.isnan(z[r, j, 0]):
@@ -141,18 +140,20 @@ def _fuse(x, P, senders, z, model, by_sender, how, block, axes):
                 continue
             _fill_form(H, P[r], S)
             fill_sum(1.0, S, 1.0, noise, S)
-            if not _squared_distance(y, S, B) <= 2 * gate:
+            if not _squared_distance(y, S, e) <= 2 * gate:
                 continue
             known, _ = root(P_j[r, j], M, axes)
             if known == ABSENT:  # the sender knows nothing
                 continue
+            if known == BAD:
+                return False
             if block is None:
                 own = P[r, 0, 0], P[r, 0, 1], P[r, 1, 1], H[0, 0], H[0, 1], N[0, 0], R[0, 0]
                 w = 1 - weight_root(*weight_equation(*own, trace))
             else:
                 w = least_weight(P[r], H, N, R, trace, block, axes)
-            if known == BAD or np.isnan(w):
-                return False
+                if np.isnan(w):
+                    return False
             if w < 1:
                 fill_sum(1 / w, P[r], 0.0, P[r], P[r])
                 fill_sum(1 / (1 - w), N, 1.0, R, noise)

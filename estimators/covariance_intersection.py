@@ -491,20 +491,15 @@ def _scalar_weights(P, H, q, R, trace, scalar, weights):
 
 @strict_kernel
 def least_weight(P, H, U, R, trace, block, axes):
-    """Return the exact weight of P (d, d) for a reading H (k, d), U = H_j P_j H_j'; nan where one is no covariance."""
+    """Return the exact weight of one's own P (d, d) in a reading by H (k, d) with U = H_j P_j H_j' and R (k, k).
+
+    It is nan where P, U + R or the information is not positive definite.
+    """
     k, d = H.shape
-    P1, H1, U1, R1 = np.empty((1, d, d)), np.empty((1, k, d)), np.empty((1, k, k)), np.empty((1, k, k))
-    for a in range(d):
-        for b in range(d):
-            P1[0, a, b] = P[a, b]
-    for a in range(k):
-        for b in range(d):
-            H1[0, a, b] = H[a, b]
-        for b in range(k):
-            U1[0, a, b], R1[0, a, b] = U[a, b], R[a, b]
     B, C, sigma = np.empty((1, 1 + k, d, d)), np.empty((1, d, d)), np.empty((1, k))
     kinds, w = np.empty((3, 1), np.int64), np.empty(1)
-    whiten_information(P1, H1, U1, R1, block, B, C, sigma, kinds, axes)
+    one = P.reshape((1, d, d)), H.reshape((1, k, d)), U.reshape((1, k, k)), R.reshape((1, k, k))
+    whiten_information(*one, block, B, C, sigma, kinds, axes)
     for i in range(len(kinds)):
         if kinds[i, 0] != FINE:
             return np.nan

@@ -14,7 +14,7 @@ from contextlib import contextmanager, suppress
 from functools import cache
 from importlib.machinery import PathFinder
 from importlib.metadata import packages_distributions, version
-from importlib.util import find_spec
+from importlib.util import cache_from_source, find_spec
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -110,12 +110,12 @@ def _neighbours_first(file: Path, helpers: list[Named]) -> Iterator[None]:
             del sys.modules[name]  # all of them, as one may have imported another
     importlib.invalidate_caches()
     sys.path.insert(0, str(file.resolve().parent))
-    # What Python keeps of a file it knows by its second and its size: of an edited one it may keep what was before.
-    before, sys.dont_write_bytecode = sys.dont_write_bytecode, True
+    for path, _ in now.values():  # Python knows what it compiled by second and size, which an edited file may share
+        with suppress(OSError):
+            Path(cache_from_source(str(path))).unlink(missing_ok=True)
     try:
         yield
     finally:
-        sys.dont_write_bytecode = before
         sys.path.pop(0)
         _neighbours.update({name: one for name, one in now.items() if name in sys.modules})
 

@@ -86,7 +86,7 @@ def deliver(sent: Array, robots: int, link: Mask, rssi: Array, distance: Array) 
     signal, away = np.empty((t, n, n)), np.empty((t, n, n))
     wire = readable(sent.reshape(t, n, -1, m) if m else np.empty((t, n, 1, 0)))
     _deliver(wire, readable(link), readable(rssi), readable(distance), heard, packets, signal, away)
-    return Mail(*(lock(a.reshape(t * n, *a.shape[2:])) for a in (heard, packets, signal, away)))
+    return Mail(*(lock(a).reshape(t * n, *a.shape[2:]) for a in (heard, packets, signal, away)))
 
 
 def count(sent: Array, awake: Mask) -> Traffic:
