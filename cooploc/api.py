@@ -34,9 +34,7 @@ from cooploc.analysis.metrics.sequential import (
     trials_until_decided,
 )
 from cooploc.analysis.metrics.statistics import FIXED, Interval
-from cooploc.analysis.report import board as boards
-from cooploc.analysis.report import html_page, run_diff
-from cooploc.analysis.report.paper import DEFAULT, EXAMPLE, FIGURES, write
+from cooploc.analysis.report import run_diff
 from cooploc.analysis.tuning.tune import VALUE, Tuned
 from cooploc.analysis.tuning.tune import tune as tune_study
 from cooploc.estimators import split_labels
@@ -397,6 +395,8 @@ def report(
         BadInput: the run lacks one of these.
 
     """
+    from cooploc.analysis.report import html_page
+
     stored = read_run(Path(run))
     folder = stored.folder / "report" if out is None else Path(out)
     return html_page.write(stored, ledgers.load(ledger), folder, _list(estimators), _list(scenarios), baseline)
@@ -452,6 +452,8 @@ def board(
         BadInput: a row was not confirmed, or trials come out otherwise here.
 
     """
+    from cooploc.analysis.report import board as boards
+
     stored = [read_run(Path(run)) for run in ([runs] if isinstance(runs, str | PathLike) else runs)]
     for one in stored if reproduce_first else ():
         if again.confirmations(one.folder):
@@ -518,12 +520,12 @@ def sensitivity(run: AnyRun, baseline: str = "arl") -> pd.DataFrame:
 def paper(
     run: AnyRun,
     out: str | Path | None = None,
-    columns: Names = DEFAULT,
+    columns: Names = (),
     scenarios: Names = (),
     *,
     estimators: Names = (),
     baseline: str = "",
-    figures: Names = FIGURES,
+    figures: Names = (),
     everything: bool = False,
 ) -> Path:
     """Write a run's figures, tables and references for a two-column paper; return the path of an example document.
@@ -536,17 +538,19 @@ def paper(
     Args:
         out: the directory; `paper` in the run directory where not given.
         columns: of the tables, by the names that the report's CSV tables have, as a list or separated by commas; one
-            with an interval brings it along.
+            with an interval brings it along. Where not given: rmse, change, anees, bytes.
         scenarios: draw and list these alone; where not given the first, the middle and the last of what sweeps nothing.
         estimators, baseline: as of `report`.
-        figures: of "rmse", "anees", "bytes", "seconds", in the order of the paper.
+        figures: of "rmse", "anees", "bytes", "seconds", in the order of the paper; the first three where not given.
         everything: True writes every figure of every experiment in both widths, and tables of all scenarios.
 
     """
+    from cooploc.analysis.report.paper import DEFAULT, EXAMPLE, FIGURES, write
+
     stored = read_run(Path(run))
     folder = stored.folder / "paper" if out is None else Path(out)
     chosen = select(stored, _list(estimators), _list(scenarios), baseline)
-    write(chosen, folder, _list(columns), _list(figures), bool(scenarios), everything)
+    write(chosen, folder, _list(columns) or DEFAULT, _list(figures) or FIGURES, bool(scenarios), everything)
     return folder / EXAMPLE
 
 

@@ -258,9 +258,8 @@ def report(
         page = cl.report(folder, out, ledger, **chosen)
         typer.echo(f"report: {page}\ntables: {page.parent / 'tables'}")
         return
-    given = {"figures": figures, "columns": columns}
-    how: Any = {**chosen, **{name: value for name, value in given.items() if value}}
-    terminal.tables.show_paper(cl.paper(folder, out, everything=everything, **how))
+    example = cl.paper(folder, out, columns, **chosen, figures=figures, everything=everything)
+    terminal.tables.show_paper(example)
 
 
 @app.command()

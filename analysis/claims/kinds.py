@@ -15,8 +15,8 @@ from itertools import product
 from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
+import scipy
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
-from scipy import stats
 
 from cooploc.analysis.claims.trial_table import Missing, TrialTable
 from cooploc.analysis.metrics import statistics
@@ -296,12 +296,12 @@ def judge_slope(case: Case, claim: Claim, table: TrialTable) -> CaseVerdict:
     x = np.log([table.frame((scenario, case.of))["robots"].iloc[0] for scenario in case.scenarios])
     if len(set(x)) < statistics.LEAST_TRIALS:
         raise Missing(f"a slope needs teams of five sizes, the run has {len(set(x))}")
-    fit = stats.linregress(x, np.log([s.mean() for s in seconds]))
-    half = float(stats.t.ppf(1 - ALPHA, len(x) - 2) * fit.stderr)
+    fit = scipy.stats.linregress(x, np.log([s.mean() for s in seconds]))
+    half = float(scipy.stats.t.ppf(1 - ALPHA, len(x) - 2) * fit.stderr)
     interval = Interval(float(fit.slope), float(fit.slope) - half, float(fit.slope) + half)
 
     def test(value: float) -> float:
-        return float(2 * stats.t.sf(abs(fit.slope - value) / fit.stderr, len(x) - 2)) if fit.stderr > 0 else 0.0
+        return float(2 * scipy.stats.t.sf(abs(fit.slope - value) / fit.stderr, len(x) - 2)) if fit.stderr > 0 else 0.0
 
     limit = (claim.size or 0.0) + claim.margin
     up_to: Zones = ("supported", -np.inf, limit), ("contradicted", limit, np.inf)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pandas as pd
-from scipy import stats
+import scipy
 
 from cooploc.analysis.metrics.statistics import LEAST_TRIALS, Interval
 
@@ -13,7 +13,7 @@ COLLAPSED = 100.0  # ANEES of a trial whose errors are ten times as large as the
 OVER_WIDE = 0.1
 DOUBTFUL = 2 * OVER_CONFIDENT  # ANEES above which an estimator that is not shown consistent cannot be called best
 # Share of truths in the 95 % ellipses of Gaussian errors whose ANEES is OVER_CONFIDENT.
-LEAST_COVERAGE = float(stats.chi2.cdf(stats.chi2.ppf(0.95, 2) / OVER_CONFIDENT, 2))
+LEAST_COVERAGE = 1 - 0.05 ** (1 / OVER_CONFIDENT)
 
 
 def flag(trials: float, anees: Interval, coverage: Interval) -> str:
@@ -47,5 +47,5 @@ def band(count: int, d: int) -> tuple[float, float]:
     """
     if count < 1:
         return np.nan, np.nan
-    low, high = (float(stats.chi2.ppf(q, count * d)) / (count * d) for q in (0.025, 0.975))
+    low, high = (float(scipy.stats.chi2.ppf(q, count * d)) / (count * d) for q in (0.025, 0.975))
     return low, high

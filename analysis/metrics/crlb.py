@@ -22,8 +22,8 @@ from functools import cache
 from math import isqrt
 
 import numpy as np
+import scipy
 from scipy.special import erfcx
-from scipy.stats import qmc
 from threadpoolctl import threadpool_limits
 
 from cooploc.estimators.errors import BadInput
@@ -158,7 +158,8 @@ def paths(stream: Stream, samples: int) -> Array:
     if not isinstance(motion, Displacement):
         raise BadInput(f"{stream.scenario!r} has no floor: its motion is not a displacement")
     rng = np.random.default_rng([stream.seed, *stream.trial])
-    even = [rng.permutation(qmc.MultivariateNormalQMC(np.zeros(2), rng=rng).random(samples)) for _ in range(t * n)]
+    normal = scipy.stats.qmc.MultivariateNormalQMC
+    even = [rng.permutation(normal(np.zeros(2), rng=rng).random(samples)) for _ in range(t * n)]
     start = np.stack(even).reshape(t, n, samples, 2).swapaxes(1, 2)
     spread = root(stream.prior.P[:, None, :, :2, :2])
     x = stream.prior.x[:, None, :, :2] + (spread @ start[..., None])[..., 0]

@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from scipy import stats
+from scipy.special import ndtri, stdtr
 
 from cooploc.analysis.metrics.errors import CELL, trial_means
 from cooploc.analysis.metrics.statistics import LEAST_TRIALS, MARGIN, Interval, Stopping, Z, holm, quantile
@@ -54,7 +54,7 @@ def one_sided_e_value(t: float, n: float) -> float:
     """Return the evidence against a mean of at most 0, 2 e(n) P(effect > 0 | d): the posterior is t, n degrees."""
     R = explained_share(t, n)
     S = np.sign(t) * np.sqrt(R * n)  # sum of d, over the root of the sum of d^2; nan where there is no sequence
-    positive = stats.t.cdf(np.sqrt(n) * S / np.sqrt((n + C2) * (1 - R * n / (n + C2))), n)
+    positive = stdtr(n, np.sqrt(n) * S / np.sqrt((n + C2) * (1 - R * n / (n + C2))))
     return float(2 * positive * e_value(t, n))
 
 
@@ -178,7 +178,7 @@ def add_decisions(table: pd.DataFrame, found: pd.DataFrame) -> pd.DataFrame:
 
 PILOT = 10  # trials from which a study is planned
 ROUNDS = 8  # of n = f(b(n))
-POWER = float(stats.norm.ppf(0.8))  # a planned number of trials succeeds in 4 of 5 repetitions
+POWER = float(ndtri(0.8))  # a planned number of trials succeeds in 4 of 5 repetitions
 
 
 def trials_to_exclude(interval: Interval, n: int, distance: float) -> float:

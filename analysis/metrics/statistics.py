@@ -7,13 +7,14 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from scipy import special, stats
+import scipy
+from scipy import special
 
 from cooploc.estimators.interface import Array
 
 LEAST_TRIALS = 5
 LEVEL = 0.95
-Z = float(stats.norm.ppf((1 + LEVEL) / 2))
+Z = float(special.ndtri((1 + LEVEL) / 2))
 MARGIN = 0.05  # two estimators whose RMSE differ by less than this share tie
 HALVES = np.array([-0.5, 0.5])  # of the logarithms of two mean squared errors: that of the ratio of their RMSE
 
@@ -174,7 +175,7 @@ def share(shares: Array) -> Interval:
 def rank_biserial(a: Array, b: Array) -> float:
     """Return the matched-pairs rank-biserial effect of b - a in [-1, 1] (Kerby 2014); negative where b is smaller."""
     d = (b - a)[b != a]
-    ranks = stats.rankdata(np.abs(d))
+    ranks = scipy.stats.rankdata(np.abs(d))
     return float((ranks * np.sign(d)).sum() / ranks.sum()) if len(d) else 0.0
 
 

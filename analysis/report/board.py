@@ -21,8 +21,8 @@ from cooploc.analysis.formats import count, count_of, metres, microseconds, rati
 from cooploc.analysis.metrics.errors import TRAINED
 from cooploc.analysis.metrics.ranking import board_letters
 from cooploc.analysis.report import html_page
-from cooploc.analysis.report.result_tables import HASH, REMARK_FIELDS, remark
-from cooploc.analysis.report.run_numbers import Numbers, may_be_ranked, numbers_of
+from cooploc.analysis.report.result_tables import HASH, REMARK_FIELDS, may_be_ranked, remark
+from cooploc.analysis.report.run_numbers import Numbers, numbers_of
 from cooploc.analysis.report.tables import Row, Table, interval_column, number_column, text_column, words
 from cooploc.estimators import configure, make
 from cooploc.estimators.errors import BadInput

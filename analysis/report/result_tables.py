@@ -18,9 +18,8 @@ import pandas as pd
 from cooploc.analysis.claims.trial_table import TrialTable
 from cooploc.analysis.formats import change, count, decimals, interval, metres, microseconds, p_value, percent, ratio
 from cooploc.analysis.metrics.errors import NOTE
-from cooploc.analysis.metrics.ranking import disqualifications, is_refused, short_certificate
-from cooploc.analysis.metrics.statistics import Interval
-from cooploc.analysis.report.run_numbers import rank_scenario
+from cooploc.analysis.metrics.ranking import disqualifications, is_refused, rank_groups, short_certificate
+from cooploc.analysis.metrics.statistics import FIXED, Interval
 from cooploc.analysis.report.sentences import Standing, SweepChange, summary_sentence
 from cooploc.analysis.report.tables import Row, Table, TableColumn, number_column, read_toml, text_column, words
 from cooploc.estimators import nearest
@@ -182,6 +181,25 @@ def sort_rows(table: pd.DataFrame, by: str = "rmse") -> pd.DataFrame:
 def lowest_that_qualifies(rows: Iterable[Row]) -> Row | None:
     """Return the row of `compare` with the lowest RMSE of those that may be called best; None: no such row."""
     return min((row for row in rows if not disqualifications(row)), key=lambda row: row["rmse"], default=None)
+
+
+def rank_scenario(rows: pd.DataFrame, results: TrialTable) -> tuple[dict[str, float], dict[str, str]]:
+    """Return mean ranks (of a fixed number of trials) and letters of one scenario's estimators that failed nowhere.
+
+    One that failed would take its trials from all others, and change their ranks and letters. Offline estimators are
+    not ranked with filters.
+    """
+    names = list(rows.loc[may_be_ranked(rows), "estimator"])
+    if not names:
+        return {}, {}
+    mse = results.errors(rows["scenario"].iloc[0], names)
+    return rank_groups(mse.dropna() if results.stopping is FIXED else mse, results.stopping)
+
+
+def may_be_ranked(rows: pd.DataFrame) -> "pd.Series[bool]":
+    """Return which rows of `compare` failed nowhere, no check either, and did not see later readings."""
+    ended = rows["rmse"].notna() & (rows["failed"] == 0) & ~rows["offline"]
+    return ended & ~rows["certificate"].map(is_refused).astype(bool)
 
 
 def results(name: str, part: pd.DataFrame, trials: TrialTable, caption: str) -> Table:

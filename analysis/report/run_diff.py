@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy import stats
+from scipy.special import stdtr, stdtrit
 
 from cooploc.analysis.execution.provenance import version_changes
 from cooploc.analysis.execution.run_directory import StoredRun
@@ -104,7 +104,7 @@ def unpaired_p(x: Any, y: Any) -> float:
     found = unpaired_change(x, y)
     log, end = np.log1p(found.value), np.log1p(found.low if found.value > 0 else found.high)
     freedom = max(min(len(x), len(y)) - 1, 1)
-    return float(2 * stats.t.sf(abs(log / (log - end)) * stats.t.ppf(0.975, freedom), freedom)) if log else 1.0
+    return float(2 * stdtr(freedom, -abs(log / (log - end)) * stdtrit(freedom, 0.975))) if log else 1.0
 
 
 def settings(a: StoredRun, b: StoredRun) -> list[str]:

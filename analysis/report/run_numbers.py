@@ -12,7 +12,6 @@ from cooploc.analysis.claims.trial_table import TrialTable, collect
 from cooploc.analysis.execution.run_directory import StoredRun
 from cooploc.analysis.formats import count_of
 from cooploc.analysis.metrics.compare import compare, sweep
-from cooploc.analysis.metrics.ranking import is_refused, rank_groups
 from cooploc.analysis.metrics.sequential import ANYTIME, add_decisions
 from cooploc.analysis.metrics.statistics import FIXED
 from cooploc.analysis.plot import results, style
@@ -92,25 +91,6 @@ def rows_of_experiment(table: pd.DataFrame, plan: Mapping[str, list[str]]) -> pd
     """Return the rows of an experiment: `plan` has its estimators by scenario."""
     labels = zip(table["scenario"], table["estimator"], strict=True)
     return table[[estimator in plan.get(scenario, ()) for scenario, estimator in labels]]
-
-
-def rank_scenario(rows: pd.DataFrame, results: TrialTable) -> tuple[dict[str, float], dict[str, str]]:
-    """Return mean ranks (of a fixed number of trials) and letters of one scenario's estimators that failed nowhere.
-
-    One that failed would take its trials from all others, and change their ranks and letters. Offline estimators are
-    not ranked with filters.
-    """
-    names = list(rows.loc[may_be_ranked(rows), "estimator"])
-    if not names:
-        return {}, {}
-    mse = results.errors(rows["scenario"].iloc[0], names)
-    return rank_groups(mse.dropna() if results.stopping is FIXED else mse, results.stopping)
-
-
-def may_be_ranked(rows: pd.DataFrame) -> "pd.Series[bool]":
-    """Return which rows of `compare` failed nowhere, no check either, and did not see later readings."""
-    ended = rows["rmse"].notna() & (rows["failed"] == 0) & ~rows["offline"]
-    return ended & ~rows["certificate"].map(is_refused).astype(bool)
 
 
 def group_by_sweep(labels: list[str]) -> dict[tuple[str, str], list[str]]:

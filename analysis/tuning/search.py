@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from scipy import stats
+from scipy.special import stdtrit
 
 from cooploc.estimators import configure, make
 from cooploc.estimators.building import ConfiguredEstimator
@@ -289,4 +289,4 @@ def is_worse(one: Entrant, other: Entrant) -> bool:
     d: Array = np.array([score - other.scores[item] for item, score in one.scores.items() if item in other.scores])
     if len(d) < LEAST or not d.mean() > 0:
         return False
-    return bool(d.mean() > stats.t.ppf(SURE, len(d) - 1) * d.std(ddof=1) / np.sqrt(len(d)))
+    return bool(d.mean() > stdtrit(len(d) - 1, SURE) * d.std(ddof=1) / np.sqrt(len(d)))

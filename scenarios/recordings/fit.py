@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtr, ndtri
 
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Indices, Mask, Motion, Sensor
@@ -20,11 +20,17 @@ from cooploc.estimators.models import NEAR, Displacement, LogDistance, Range, Si
 from cooploc.scenarios.recordings.sampling import Gaps, Grid, bearing, ends, grid_of_lines, odometry, poses
 from cooploc.scenarios.recordings.team_log import Channel, TeamLog, fixed_places, other_names
 
+
+def normal_density(z: Array | float) -> Array:
+    """Return exp(-z^2 / 2) / sqrt(2 pi), the density of a standard normal variable."""
+    return np.asarray(np.exp(-(z**2) / 2) / np.sqrt(2 * np.pi))
+
+
 # ---- Huber's least squares, which one bad recording cannot turn
 
 K = 1.345  # [standard deviations] a larger residual counts linearly: 95 % efficient where all are Gaussian
 # E min(z^2, K^2) of a standard normal z
-INSIDE = float(2 * norm.cdf(K) - 1 - 2 * K * norm.pdf(K) + 2 * K**2 * norm.sf(K))
+INSIDE = float(2 * ndtr(K) - 1 - 2 * K * normal_density(K) + 2 * K**2 * ndtr(-K))
 ROUNDS, TOLERANCE, LEAST_SCALE = 100, 1e-9, 1e-9
 
 
@@ -37,7 +43,7 @@ def huber(X: Array, y: Array) -> tuple[Array, float]:
     beta = np.asarray(np.linalg.lstsq(X, y)[0], float)
     r = y - X @ beta
     # The first sigma is the median residual's, or the plain one where more than half are zero.
-    sigma = float(np.median(np.abs(r)) / norm.ppf(0.75)) or float(np.sqrt((r**2).mean()))
+    sigma = float(np.median(np.abs(r)) / ndtri(0.75)) or float(np.sqrt((r**2).mean()))
     for _ in range(ROUNDS):
         scale = max(sigma, LEAST_SCALE)
         root = np.sqrt(np.minimum(1, K * scale / np.maximum(np.abs(y - X @ beta), LEAST_SCALE)))

@@ -12,8 +12,7 @@ from contextlib import suppress
 from itertools import pairwise
 
 import numpy as np
-from scipy.stats import norm
-from scipy.stats import t as student
+from scipy.special import gammaln, ndtr
 
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array
@@ -62,8 +61,8 @@ def _left_out(scores: Array, parts: Sequence[fit.FitPart]) -> str:
 
 SPREADS: Mapping[Loss, float] = {  # log of the integral of exp(-rho)
     "none": float(np.log(2 * np.pi) / 2),
-    "huber": float(np.log(np.sqrt(2 * np.pi) * (2 * norm.cdf(fit.K) - 1) + 2 * np.exp(-(fit.K**2) / 2) / fit.K)),
-    "student": -float(student.logpdf(0, DEGREES)),
+    "huber": float(np.log(np.sqrt(2 * np.pi) * (2 * ndtr(fit.K) - 1) + 2 * np.exp(-(fit.K**2) / 2) / fit.K)),
+    "student": float(gammaln(DEGREES / 2) - gammaln((DEGREES + 1) / 2) + np.log(np.pi * DEGREES) / 2),
 }
 
 
@@ -129,4 +128,4 @@ def held_out_error(
 def crps(e: Array, sigma: float) -> Array:
     """Return sigma (z (2 Phi(z) - 1) + 2 phi(z) - 1/sqrt(pi)), z = e/sigma, of errors e (m,)."""
     z = e / max(sigma, fit.LEAST_SCALE)
-    return np.asarray(sigma * (z * (2 * norm.cdf(z) - 1) + 2 * norm.pdf(z) - 1 / np.sqrt(np.pi)))
+    return np.asarray(sigma * (z * (2 * ndtr(z) - 1) + 2 * fit.normal_density(z) - 1 / np.sqrt(np.pi)))

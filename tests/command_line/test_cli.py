@@ -105,9 +105,15 @@ def test_a_list_in_a_pipe_is_as_wide_as_a_page(tmp_path):
     assert 80 < max(map(len, lines)) <= 100
 
 
-def test_help_is_quick_because_it_imports_nothing_heavy():
-    heavy = ("numpy", "pandas", "numba", "cvxpy", "scipy", "seaborn")
-    program = f"import sys, cooploc.cli; print([m for m in {heavy} if m in sys.modules])"
+@pytest.mark.parametrize(
+    ("module", "heavy"),
+    [
+        ("cooploc.cli", ("numpy", "pandas", "numba", "cvxpy", "scipy", "seaborn")),
+        ("cooploc.api", ("matplotlib", "seaborn", "scipy.stats", "scipy.optimize", "statsmodels", "optuna", "cvxpy")),
+    ],
+)
+def test_nothing_is_imported_that_only_figures_or_tests_need(module, heavy):
+    program = f"import sys, {module}; print([m for m in {heavy} if m in sys.modules])"
     told = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
     assert told.stdout.strip() == "[]", told.stderr
 

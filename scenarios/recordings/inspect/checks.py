@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
+import scipy
 
 from cooploc.estimators.interface import Array, Mask
 from cooploc.estimators.models import wrap
@@ -277,7 +277,7 @@ def _find_exchanged(motions: list[motion.RobotMotion], own: Mapping[int, ClockFi
     if sum(fit.correlation < OWN for fit in own.values()) < 2:
         return {}
     fits = np.array([[_best_fit(motions[i], motions[j].truth).correlation for j in own] for i in own])
-    robots, best = list(own), zip(*linear_sum_assignment(-fits), strict=True)
+    robots, best = list(own), zip(*scipy.optimize.linear_sum_assignment(-fits), strict=True)
     found = [(r, k) for r, k in best if r != k and fits[r, k] > max(FITS, fits[r, r] + 0.2)]
     better = {robots[r]: (robots[k], fits[r, k]) for r, k in found}
     return better if set(better) == {j for j, _ in better.values()} else {}

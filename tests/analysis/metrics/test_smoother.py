@@ -9,7 +9,7 @@ from cooploc.analysis.claims.trial_table import collect
 from cooploc.analysis.execution.run import execute, prepare
 from cooploc.analysis.metrics.ranking import disqualifications
 from cooploc.analysis.plot.style import name_of, summarize_for_figures
-from cooploc.analysis.report import run_numbers, sentences
+from cooploc.analysis.report import result_tables, sentences
 from cooploc.analysis.report.result_tables import RESULTS
 from cooploc.estimators.interface import Belief
 from cooploc.scenarios.studies.study import Study
@@ -78,7 +78,7 @@ def test_it_is_not_ranked_never_best_and_said_to_be_offline(stream_and_truth):
     table = cl.compare(rows, "filter", full=True)
     row = table.set_index("estimator").loc["hindsight"]
     assert disqualifications(row)[0] == "offline"
-    ranks, letters = run_numbers.rank_scenario(table, collect(rows))
+    ranks, letters = result_tables.rank_scenario(table, collect(rows))
     assert set(ranks) == {"filter"} > set(letters)
     (found,) = sentences.standings(table, collect(rows))
     assert "hindsight" not in (found.best, *found.equal, *found.tied)

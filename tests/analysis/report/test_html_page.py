@@ -14,7 +14,7 @@ from cooploc.analysis.claims.ledger import load
 from cooploc.analysis.claims.trial_table import collect
 from cooploc.analysis.metrics.compare import compare
 from cooploc.analysis.plot import results, style
-from cooploc.analysis.report import html_page, run_numbers
+from cooploc.analysis.report import html_page, result_tables
 
 pytestmark = pytest.mark.slow
 SWEEP = {"base": (1.0, 1.0), "good": (0.5, 1.0), "liar": (0.1, 9.0), "omniscient": (0.05, 1.0), "twin": (0.5, 1.0)}
@@ -147,7 +147,7 @@ def test_an_estimator_that_fails_changes_no_rank_and_no_letter_of_the_others():
     wild = rows_of("nlos", {"wild": (0.7, 1.0)}, trials=12)
     wild.loc[wild["trial"] > 5, "mse"] = np.inf
     alone, beside = (
-        run_numbers.rank_scenario(compare(rows, "a", full=True), collect(rows))
+        result_tables.rank_scenario(compare(rows, "a", full=True), collect(rows))
         for rows in (calm, pd.concat([calm, wild], ignore_index=True))
     )
     assert alone == beside
