@@ -19,7 +19,7 @@ import cooploc as cl
 from cooploc.analysis.formats import metres
 from cooploc.analysis.plot import style
 from cooploc.scenarios import resolve
-from cooploc.scenarios.recordings.fit import FitPart, residuals
+from cooploc.scenarios.recordings.fit import fit_part, residuals
 from cooploc.scenarios.recordings.sampling import Gaps, span
 from cooploc.scenarios.studies.study import load
 
@@ -33,7 +33,7 @@ def ranges(label: str, data: Path) -> pd.DataFrame:
     model = resolve(label, data).model.at([0])
     judged = model.judged_run
     log, robots = judged.log, judged.log.robots
-    found = residuals([FitPart(log, *span(log))], "range", robots, judged.how._replace(gaps=Gaps(0.5, 0.5)))
+    found = residuals([fit_part(log, *span(log), Gaps(0.5, 0.5))], "range", robots, judged.how)
     error = found.z[:, 0] - found.distance
     rows = []
     for link in np.unique(found.link):

@@ -14,6 +14,8 @@ from oracles import repeatable
 from processes import stop_server
 from unchanged import changes, look, own_draws
 
+from cooploc.scenarios import conformance
+
 os.environ["MPLBACKEND"] = "agg"  # as the command line does, whichever test comes first
 for of_a_terminal in ("TERM", "COLUMNS", "LINES", "FORCE_COLOR", "NO_COLOR", "TTY_COMPATIBLE", "TTY_INTERACTIVE"):
     os.environ.pop(of_a_terminal, None)  # what commands print is the same wherever the tests run
@@ -25,6 +27,13 @@ settings.load_profile("repeatable")
 def rng(request):
     """A generator of this test's own, so that its draws do not depend on which tests ran before it."""
     return np.random.default_rng(zlib.crc32(request.node.nodeid.encode()))
+
+
+@pytest.fixture
+def short_streams(monkeypatch):
+    """Let checks in this process run on streams of half the ticks, for estimators that take long."""
+    short = {label: {**options, "ticks": 6} for label, options in conformance.SCENARIOS.items()}
+    monkeypatch.setattr(conformance, "SCENARIOS", short)
 
 
 @pytest.fixture(scope="module", autouse=True)

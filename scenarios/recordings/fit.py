@@ -68,7 +68,13 @@ class FitPart(NamedTuple):
     log: TeamLog
     begin: float  # [s]
     end: float  # [s]
-    lines: bool = False  # whether the ticks are the lines of its one robot
+    lines: bool  # whether the ticks are the lines of its one robot
+    ends: Mapping[Channel, tuple[Array, Array]]  # of all readings of the recording, as `sampling.ends` returns them
+
+
+def fit_part(log: TeamLog, begin: float, end: float, gaps: Gaps, lines: bool = False) -> FitPart:
+    """Return a part of a recording, with the true poses at its readings, which every fit needs."""
+    return FitPart(log, begin, end, lines, {channel: ends(log, channel, gaps.truth) for channel in log.readings})
 
 
 class Memory(NamedTuple):
@@ -131,7 +137,7 @@ class Track(NamedTuple):
 def tracks_of(parts: Sequence[FitPart], robot: str, how: FitSettings) -> list[Track]:
     """Return a robot's odometry and truth over windows; those in which it moved may be fitted on."""
     window, tracks = max(WINDOW, how.tick), []
-    for log, begin, end, lines in parts:
+    for log, begin, end, lines, _ in parts:
         if robot not in log.robots or end - begin < 2 * window:
             continue
         i = log.robots.index(robot)
@@ -265,11 +271,11 @@ class Residuals(NamedTuple):
 def residuals(parts: Sequence[FitPart], channel: Channel, robots: Sequence[str], how: FitSettings) -> Residuals:
     """Return the readings by robots of the team, with true distances at their stamps."""
     found, first = [(np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0), np.empty((0, 2)))], 0
-    for log, begin, end, _ in parts:
+    for log, begin, end, _, known in parts:
         if channel not in log.readings:
             continue
         readings, fixed = log.readings[channel], fixed_places(log, channel)
-        mine, theirs = ends(log, channel, how.gaps.truth)
+        mine, theirs = known[channel]
         z = readings.values.copy()
         if channel in ("landmark", "sighting"):
             z[:, 1] = wrap(z[:, 1] - bearing(mine, theirs))
@@ -364,7 +370,7 @@ def fit_path_loss_of_lines(
 ) -> PathLoss:
     """Fit the same for a lone robot, whose readings of an anchor follow each other from line to line."""
     tables = []  # (2, lines, anchors)  -10 log10 d, and readings
-    for log, begin, end, _ in parts:
+    for log, begin, end, *_ in parts:
         lines, anchors, r = grid_of_lines(log, begin, end).edges, log.anchors.positions, log.readings["anchor_rssi"]
         z = np.full((len(lines), len(anchors)), np.nan)
         used = np.isin(r.time, lines)

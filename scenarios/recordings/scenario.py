@@ -30,6 +30,7 @@ from cooploc.scenarios.recordings.fit import (
     FitSettings,
     LinkResiduals,
     TeamModels,
+    fit_part,
     link_residuals,
     team_models,
 )
@@ -198,10 +199,10 @@ class TeamScenario(schema.Model):
         first = self._known_start(log, begin + (fit.seconds or 0.0), end)
         grid, lines = self._grid(log, first, end), self._sample.tick == "lines"
         if fit.on == "first part":
-            parts = [FitPart(log, begin, first, lines)]
+            parts = [fit_part(log, begin, first, self._gaps, lines)]
         else:
             others = self.folder.others(self.run) if fit.on == "other runs" else []
-            parts = [FitPart(other, *sampling.span(other), lines) for other in others]
+            parts = [fit_part(other, *sampling.span(other), self._gaps, lines) for other in others]
         stated = self.folder.description.model.model_dump() | self._overrides(tuple(schema.Model.model_fields))
         inflate, choice = self.correlation == "inflate", "fitted as asked"
         how = FitSettings(grid.tick, self._gaps, stated, self.bias, bool(self.robust), inflate)
@@ -333,7 +334,8 @@ class TeamScenario(schema.Model):
     def link_residuals(self) -> list[LinkResiduals]:
         """Return the residuals of the run after its models, where these were fitted and where they are judged."""
         log, grid, parts, models, _, how, *_ = self.judged_run
-        return list(link_residuals(log, parts, FitPart(log, grid.t0, float(grid.edges[-1])), models, how))
+        judged = fit_part(log, grid.t0, float(grid.edges[-1]), self._gaps)
+        return list(link_residuals(log, parts, judged, models, how))
 
     def _names(self) -> list[str]:
         if self.run != ALL:

@@ -71,7 +71,7 @@ def test_other_approximations_stay_within_what_ours_says_of_itself(name, label):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", LOCKED)
-def test_each_passes_every_check_or_is_exempt_with_a_reason(name):
+def test_each_passes_every_check_or_is_exempt_with_a_reason(name, short_streams):
     report = check_estimator(peer(name + "[N=6]" * name.endswith("Enkf")), isolate=False)  # fewer particles: sooner
     assert report.passed, report.table()
     skipped = {result.check for result in report.results if result.status == "skipped"}

@@ -48,9 +48,11 @@ class Trouble(DeadReckoning):
         if ((rows.trial == 3) | (rows.trial == 4)).any():
             if self.does == "raise":
                 raise RuntimeError("sensor on fire")
-            if self.does == "spin":
+            # alone in the second call: the first is given ten seconds more, to compile
+            if self.does == "spin" and (len(rows.trial) > 1 or os.path.exists(f"began-{os.getpid()}")):
                 while True:
                     pass
+            open(f"began-{os.getpid()}", "w").close()
             if self.does == "die":
                 os.kill(os.getpid(), signal.SIGKILL)
             if self.does == "nan":
