@@ -17,6 +17,7 @@ from cooploc.analysis.execution.workers import Task, make_workers
 from cooploc.analysis.formats import count_of, duration
 from cooploc.analysis.metrics.sequential import OPEN, decide, looks
 from cooploc.estimators import module_of
+from cooploc.scenarios.process import PLUGINS, end
 from cooploc.scenarios.runner.run import find_misfits
 from cooploc.scenarios.scenario import ResolvedScenario, require_no_faults
 from cooploc.scenarios.studies.study import ResolvedStudy, Study, resolve_study
@@ -96,10 +97,12 @@ def execute(
     retry_failed: bool = False,
     isolate: bool = True,
     progress: RunProgress | None = None,
+    keep: bool = False,
 ) -> pd.DataFrame:
     """Run the parts of a study that are not there yet; return the rows of everything that the study asks for.
 
-    `cooploc.api.run_study` explains the options. Columns: those of `errors`, `failure`, `traceback`, `certificate`.
+    `cooploc.api.run_study` explains the options; `keep` leaves the process of plug-ins to the next call, which need not
+    import them again. Columns: those of `errors`, `failure`, `traceback`, `certificate`.
 
     Raises:
         BadInput: the study cannot be run as it is; nothing was computed.
@@ -129,6 +132,8 @@ def execute(
         for row in rows.dropna(subset="stream").drop_duplicates(["scenario", "trial"]).itertuples():
             manifest["streams"].setdefault(row.scenario, {})[str(row.trial)] = row.stream
         directory.write_manifest(manifest)
+    if not keep:
+        end(PLUGINS)
     return add_certificates(rows, manifest["certificates"])
 
 
@@ -229,7 +234,7 @@ def run_until_decided(
     counts, going, rows = dict.fromkeys(limits, 0), set(limits), pd.DataFrame()
     for n in looks(most):
         counts |= {cell: min(n, limits[cell]) for cell in going}
-        rows = execute(study.limit_trials(counts), out, progress=watcher, **options)
+        rows = execute(study.limit_trials(counts), out, progress=watcher, keep=True, **options)
         below = {cell.scenario.label: min(n, cell.most) for cell in study.cells}
         answers = [_ask_comparisons(rows, study, below), *(question(rows, n) for question in ask)]
         going = {cell for one in answers for cell in one.open if counts[cell] < limits[cell]}
@@ -238,6 +243,7 @@ def run_until_decided(
         watcher.say(_look_sentence(n, answers, seconds_left(rows, going, most) / options.get("jobs", 1)))
         if not going:
             break
+    end(PLUGINS)
     return rows
 
 

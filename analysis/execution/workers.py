@@ -229,7 +229,6 @@ def make_workers(jobs: int, scheduler: str | None, isolate: bool) -> Iterator[Co
     except BaseException:
         end_all(but=(SESSION,))
         raise
-    end_all(but=(SESSION, BUILTIN))
 
 
 def compute_in_parallel(processes: Processes, tasks: list[Task]) -> Iterator[MeasuredPart]:

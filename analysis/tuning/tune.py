@@ -185,7 +185,7 @@ class Evaluations:
             ResolvedCell("training", self.scenarios[label], trials, tuple(map(configure, trials)), next(iter(trials)))
             for label, trials in upto.items()
         )
-        rows = execute(self.training._replace(cells=cells), self.folder, check=False, **self.options)
+        rows = execute(self.training._replace(cells=cells), self.folder, check=False, keep=True, **self.options)
         for cell, part in rows.groupby(CELL, sort=False):
             scenario, label = map(str, cell)
             scores = trial_scores(part, self.objective).items()
