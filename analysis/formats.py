@@ -1,10 +1,10 @@
-"""Functions that write numbers, one for each kind, in every table, sentence and figure.
+"""Functions that write numbers, one for each kind, in every table, sentence and figure; and lists of words and lines.
 
 What is absent (nan) is written as nothing, and no number is shown as minus zero.
 """
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 
 Format = Callable[[float], str]
 
@@ -90,3 +90,11 @@ def join_words(names: Iterable[str]) -> str:
     """Return names in a sentence: "a, b and c"."""
     *most, last = list(names) or [""]
     return f"{', '.join(most)} and {last}" if most else last
+
+
+def lines_about(lines: Mapping[str, Iterable[str]]) -> list[str]:
+    """Return the lines about each of several things, and those about many once: "a, b: one trial"."""
+    subjects: dict[str, list[str]] = {}
+    for subject, line in ((subject, line) for subject, some in lines.items() for line in some):
+        subjects.setdefault(line, []).append(subject)
+    return [f"{', '.join(of)}: {line}" for line, of in subjects.items()]

@@ -14,7 +14,7 @@ import pandas as pd
 from cooploc.analysis.execution.provenance import add_certificates, check_plugins, fingerprint, plugins, provenance
 from cooploc.analysis.execution.run_directory import DECISIONS, FORMAT, Cell, PartKey, RunDir, write_json
 from cooploc.analysis.execution.workers import Task, make_workers
-from cooploc.analysis.formats import count_of, duration
+from cooploc.analysis.formats import count_of, duration, lines_about
 from cooploc.analysis.metrics.sequential import OPEN, decide, looks
 from cooploc.estimators import module_of
 from cooploc.scenarios.process import PLUGINS, end
@@ -113,7 +113,7 @@ def execute(
     with make_workers(jobs, scheduler, isolate) as compute, directory.lock():
         directory.open(make_manifest(study, isolate))
         manifest = directory.manifest
-        for line in [f"{label}, {line}" for label, lines in manifest["recordings"].items() for line in lines]:
+        for line in lines_about(manifest["recordings"]):
             watcher.say(line)
         check_plugins(manifest, partial(directory.write_manifest, manifest), check, isolate, watcher.say)
         found, damaged = directory.find(wanted)

@@ -158,17 +158,17 @@ def share(shares: Array) -> Interval:
     """Return the mean of per-trial shares in [0, 1], such as the share of robots that diverged: Wilson's interval.
 
     Robots of a trial are not independent: Wilson's n is the effective one, p (1 - p) over the squared standard error
-    between trials, reduced for its degrees of freedom (Korn & Graubard 1998), and at least the number of trials.
+    between trials, reduced for its degrees of freedom (Korn & Graubard 1998), and at least the number of trials. The
+    formula is here because importing statsmodels, which has it, takes a second.
     """
-    from statsmodels.stats.proportion import proportion_confint
-
     m, p = len(shares), float(np.mean(shares)) if len(shares) else np.nan
     if m < LEAST_TRIALS or not np.isfinite(p):
         return Interval(p, np.nan, np.nan)
     variance = float(shares.var(ddof=1)) / m
     effective = p * (1 - p) / variance * (Z / quantile(m)) ** 2 if variance > 0 else 0.0
     n = max(effective, float(m))
-    low, high = proportion_confint(p * n, n, alpha=1 - LEVEL, method="wilson")
+    middle, half = p + Z**2 / (2 * n), Z * np.sqrt(p * (1 - p) / n + Z**2 / (4 * n**2))
+    low, high = ((middle + side * half) / (1 + Z**2 / n) for side in (-1, 1))
     return Interval(p, max(float(low), 0.0), min(float(high), 1.0))
 
 

@@ -16,7 +16,7 @@ from cooploc.analysis.claims.verdicts import count_verdicts
 from cooploc.analysis.execution.provenance import line
 from cooploc.analysis.execution.run import seconds_left
 from cooploc.analysis.execution.run_directory import RunDir, read_run
-from cooploc.analysis.formats import change, count, count_of, duration, join_words
+from cooploc.analysis.formats import change, count, count_of, duration, join_words, lines_about
 from cooploc.analysis.metrics import ranking
 from cooploc.analysis.metrics.compare import outlier_warnings
 from cooploc.analysis.metrics.errors import drop_failed
@@ -65,9 +65,9 @@ def show_results(
     if not as_json:
         found = pd.concat([sort_rows(part, STUDY if weak[name] else sort) for name, part in parts])
     show_table(found, rows, as_json, every_column, legend)
-    for name, part in _by_scenario(found) if manifest.get("data") is not None else []:
-        for text in recording_lines(part, weak[name]):
-            console.print(text)
+    if manifest.get("data") is not None:
+        for line in lines_about({name: recording_lines(part, weak[name]) for name, part in _by_scenario(found)}):
+            console.print(line)
     if not manifest.get("isolated", True):
         console.print(ONE_PROCESS)
     for failed in failures(rows):
@@ -82,13 +82,12 @@ def show_results(
 
 def recording_lines(part: pd.DataFrame, weak: list[str]) -> list[str]:
     """Return what limits the order of one recording's table: `weak` reasons, single trials, ties."""
-    scenario, baseline = part["scenario"].iloc[0], part["baseline"].iloc[0]
-    lines = [f"{scenario}, {line}" for line in weak]
+    lines, baseline = [*weak], part["baseline"].iloc[0]
     if part["trials"].max() < 2:
-        lines.append(f"{scenario}: one trial: no intervals, so the order holds for this recording alone")
+        lines.append("one trial: no intervals, so the order holds for this recording alone")
     others = part[part["change_low"].notna() & (part["estimator"] != baseline)]
     if len(others) and ((others["change_low"] <= 0) & (others["change_high"] >= 0)).all():
-        lines.append(f"{scenario}: ranks no estimators: the interval of every comparison with {baseline} holds 0")
+        lines.append(f"ranks no estimators: the interval of every comparison with {baseline} holds 0")
     return list(map(shorten_labels, lines))
 
 

@@ -53,7 +53,7 @@ def test_the_table_of_a_recording_says_what_limits_its_order():
     table = table.assign(rmse=[0.2, 0.5, 0.9], change_low=[None, -0.2, -0.2], change_high=[None, 0.3, 0.3])
     limits = "the interval of every comparison with dr holds 0"
     first, *lines = recording_lines(table, ["run 'one' ranks no estimators: its 9 ticks are too few"])
-    assert first == "log/all, run 'one' ranks no estimators: its 9 ticks are too few"
+    assert first == "run 'one' ranks no estimators: its 9 ticks are too few"
     assert len(lines) == 1
     assert limits in lines[0]
     assert "one trial: no intervals" in recording_lines(table.assign(trials=1), [])[0]
