@@ -78,7 +78,8 @@ def prepare(
         for label, error in misfits.items():
             if not study.leaves_out_misfits or study.only or label == cell.baseline:
                 raise error
-            say(f"left out: {error}")
+        for line in lines_about({label: [str(e).removeprefix(f"{label} ")] for label, e in misfits.items()}):
+            say(f"left out: {line}")
         kept = tuple(one for one in cell.estimators if one.label not in misfits)
         cells.append(cell._replace(estimators=kept, trials={one.label: cell.trials[one.label] for one in kept}))
     return asked._replace(cells=tuple(cells))

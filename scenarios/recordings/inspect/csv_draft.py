@@ -5,6 +5,7 @@ names of the files.
 """
 
 import csv
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
@@ -133,14 +134,16 @@ def infer_columns(table: CsvTable) -> tuple[Guess, ...]:
 
 
 def _quaternions(table: CsvTable) -> dict[str, Guess]:
-    """Return guesses for columns that are quaternions, of x, y, z, w or of z, w: the last is taken for the heading.
+    """Return guesses for columns that are quaternions, of x, y, z, w or of z, w: that of w is taken for the heading.
 
-    Eight columns without names, of which the last four are a quaternion, are stamp, position and orientation (TUM).
+    A unit may follow: q_RS_w [] of EuRoC. Eight columns without names, of which the last four are a quaternion, are stamp, position and orientation (TUM).
     """
     found: dict[str, Guess] = {}
     numbered = list(table.columns) == list("12345678")
     for column in table.columns:
-        own = [column[:-1] + q for q in "xyzw" if column[:-1] + q in table.columns] if column[-1:] == "w" else []
+        of_w = re.fullmatch(r"(.*)([wW])(\s*[\[(].*)?", column)
+        own = [f"{of_w[1]}{q}{of_w[3] or ''}" for q in ("xyzw" if of_w[2] == "w" else "XYZW")] if of_w else []
+        own = [name for name in own if name in table.columns]
         own = list("5678") if numbered and column == "8" else own
         values = [values for name in own if not isinstance(values := table.columns[name], tuple)]
         if len(own) not in (2, 4) or len(values) < len(own):

@@ -93,6 +93,7 @@ HABITS = {
     "dates": (dates("%Y-%m-%dT%H:%M:%S.%fZ"), {}, None),
     "times of day": (dates("%H:%M:%S.%f"), {}, None),
     "quaternions": (quaternion(["qx", "qy", "qz", "qw"]), {}, None),
+    "quaternions of EuRoC": (quaternion([f"q_RS_{q} []" for q in "xyzw"]), {}, None),
     "half quaternions": (quaternion(["pose.orientation.z", "pose.orientation.w"]), {}, None),
     "names of ROS": (renamed(ROS), {}, lambda text: "%" + text),
     "a comment with the names": (SAME, {"sep": " "}, lambda text: "# by hand\n# " + text),
