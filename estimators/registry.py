@@ -163,7 +163,7 @@ def refusal(estimator: Any) -> str:
     uses = getattr(estimator, "uses", None)
     if isinstance(uses, tuple) and all(isinstance(channel, str) for channel in uses):
         return wrong_version(estimator)
-    unfit = f"uses is {uses!r}; it must be a tuple of channel names, such as ('odometry', 'anchor_rssi')"
+    unfit = f"uses is {uses!r}: make it a tuple of channel names, such as ('odometry', 'anchor_rssi')"
     return wrong_version(estimator) or unfit
 
 

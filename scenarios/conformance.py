@@ -24,13 +24,13 @@ from cooploc.estimators.interface import Array, Belief, Mail, Mask
 from cooploc.estimators.models import Displacement, Unicycle, wrap_heading
 from cooploc.estimators.registry import refusal, shorten_labels, traits
 from cooploc.scenarios import simulate, variations
-from cooploc.scenarios.process import PLUGINS, SESSION, WorkerError, call
+from cooploc.scenarios.process import PLUGINS, SESSION, WorkerError, call, limit_time, place_of
 from cooploc.scenarios.runner.run import label_of, list_table, make_instance, missing_methods
 from cooploc.scenarios.runner.tick import EstimatorError, IncompatibleEstimator, Watcher, select_channels, visible
 from cooploc.scenarios.runner.trace import ROUNDING, Trace, trace
 from cooploc.scenarios.stream import Stream
 
-TIME_LIMIT = 600.0  # [s] for all checks of one estimator
+TIME_LIMIT, RUN_LIMIT = 600.0, 60.0  # [s] for all checks of one estimator, and for each of its runs
 TRIALS = 3
 LONG = 120  # ticks of the longer streams, on which a channel that is seldom used is looked for again
 TOLERANCE = 0.05  # of the stated standard deviation by which an estimate may miss a turned world
@@ -136,7 +136,7 @@ def check_estimator(
         return _check_here(estimator, name, seed)
     owner = PLUGINS if isinstance(estimator, str) else SESSION  # a file's neighbours are not those of an object
     try:
-        report: Report = call(owner, _check_here, estimator, name, seed, seconds=time_limit)
+        report: Report = call(owner, _check_here, estimator, name, seed, seconds=time_limit, limit=RUN_LIMIT)
         return report
     except (WorkerError, MemoryError) as e:
         why = str(e) if isinstance(e, WorkerError) else one_line(e)
@@ -256,14 +256,15 @@ class Harness:
 
         self.runs += 1
         try:
-            found = trace(self.name, self.estimator if estimator is None else estimator, stream, record)
+            with limit_time(RUN_LIMIT):
+                found = trace(self.name, self.estimator if estimator is None else estimator, stream, record)
         except CheckFailed:
             raise
         except (EstimatorError, IncompatibleEstimator) as e:
             raise CheckFailed(f"{e} ({when})", REMEDIES[covariance] if "covariance" in str(e) else "") from e
         except (Exception, SystemExit, GeneratorExit) as e:
             where = f"{at[0]}() raised at tick {at[1]} of {stream.scenario!r} ({when})"
-            raise CheckFailed(f"{where}: {one_line(e)}") from e
+            raise CheckFailed(f"{where}: {one_line(e)} ({place_of(e)})") from e
         return RunRecord(found, tuple(packets), stream)
 
     def require_same(
@@ -318,7 +319,8 @@ def runs(harness: Harness) -> str:
     if isinstance(estimator, type):
         raise CheckFailed(f"it is the class {estimator.__name__}, not an instance", f"pass {estimator.__name__}()")
     if reason := refusal(estimator):
-        raise CheckFailed(reason)
+        fact, _, remedy = reason.partition(": ")
+        raise CheckFailed(fact, remedy)
     for method in missing_methods(estimator):
         raise CheckFailed(f"it has no method {method}()", "add it; cooploc.estimators.interface describes it")
     if about.team and not about.offline and not isinstance(getattr(estimator, "bound", None), bool):

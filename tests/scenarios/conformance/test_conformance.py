@@ -9,6 +9,7 @@ import pytest
 
 from cooploc.estimators import BUILTIN, make
 from cooploc.estimators.errors import BadInput
+from cooploc.scenarios import conformance
 from cooploc.scenarios.conformance import (
     CHECKS,
     CheckFailed,
@@ -31,7 +32,7 @@ GALLERY = [
     (broken.NotFinite(), "runs", "not finite in 'robots-1-3/n=3.*trial 0, tick 0, robot"),
     (broken.OldInterface(), "runs", "written for interface 0"),
     (broken.UnknownChannel(), "runs", "needs channel 'telepathy'; scenario 'robots.*; scenario 'camera"),
-    (broken.Crashes(), "runs", r"correct\(\) raised at tick 0 of 'robots.*TypeError: unsupported operand"),
+    (broken.Crashes(), "runs", r"correct\(\) raised at tick 0 of 'robots.*TypeError: unsupported.* \(broken.py:\d+\)"),
     (broken.IgnoresAbsence(), "runs", "not finite in .*some readings absent', trial 0, tick 1, robot 0"),
     (broken.DeadReckoning, "runs", "is the class DeadReckoning, not an instance"),
     (None, "runs", "interface None"),
@@ -184,3 +185,23 @@ def test_the_sign_of_a_zero_is_a_difference():
     require_equal(a, a, "nothing happened")
     with pytest.raises(CheckFailed, match=r"robot 0's estimate changed by up to 0, which is rounding, .*tick 1"):
         require_equal(a, b, "this")
+
+
+check_here = conformance._check_here
+
+
+def check_impatiently(*arguments):
+    conformance.RUN_LIMIT = 1.0
+    return check_here(*arguments)
+
+
+@pytest.mark.slow
+def test_an_estimator_that_hangs_is_ended_after_one_run_and_not_after_all_checks(tmp_path, monkeypatch):
+    method = "def correct(self, s, z):\n        while True: pass"
+    text = f"from cooploc.estimators.dead_reckoning import DeadReckoning\nclass Hangs(DeadReckoning):\n    {method}\n"
+    (tmp_path / "hangs.py").write_text(text)
+    monkeypatch.setattr(conformance, "_check_here", check_impatiently)
+    monkeypatch.setattr(conformance, "RUN_LIMIT", 1.0)
+    report = check_estimator(f"{tmp_path}/hangs.py:Hangs")
+    assert report["runs"].detail == "longer than the time limit of 1 s a trial: its process was ended"
+    assert report.ran == 1
