@@ -369,7 +369,7 @@ def _draw_tuning(folder: Path, history: pd.DataFrame) -> None:
 
 def load_run(folder: AnyRun) -> Results:
     """Load everything that a run directory holds."""
-    stored = read_run(Path(folder))
+    stored = read_run(folder)
     table = _compare_with_baselines(stored.rows, stored.baselines, stored.comparisons)
     return Results(stored.folder, stored.rows, table, stored.comparisons)
 
@@ -397,14 +397,14 @@ def report(
     """
     from cooploc.analysis.report import html_page
 
-    stored = read_run(Path(run))
+    stored = read_run(run)
     folder = stored.folder / "report" if out is None else Path(out)
     return html_page.write(stored, ledgers.load(ledger), folder, _list(estimators), _list(scenarios), baseline)
 
 
 def compare_runs(before: AnyRun, after: AnyRun) -> RunChanges:
     """Compare two runs, trial by trial where their streams are the same."""
-    a, b = read_run(Path(before)), read_run(Path(after))
+    a, b = read_run(before), read_run(after)
     table = run_diff.changes(a, b)
     return RunChanges(table, run_diff.settings(a, b), run_diff.sentences(table))
 
@@ -454,7 +454,7 @@ def board(
     """
     from cooploc.analysis.report import board as boards
 
-    stored = [read_run(Path(run)) for run in ([runs] if isinstance(runs, str | PathLike) else runs)]
+    stored = [read_run(run) for run in ([runs] if isinstance(runs, str | PathLike) else runs)]
     for one in stored if reproduce_first else ():
         if again.confirmations(one.folder):
             continue
@@ -499,7 +499,7 @@ def information(run: AnyRun) -> pd.DataFrame:
     `cooploc.analysis.metrics.run_tables.information` says what the columns mean; `cl.plot.information` draws them. The
     study `information` runs all cells. The floors of ten robots take a minute or two.
     """
-    stored = read_run(Path(run))
+    stored = read_run(run)
     return run_tables.information(stored.rows, stored.manifest["seed"])
 
 
@@ -513,7 +513,7 @@ def sensitivity(run: AnyRun, baseline: str = "arl") -> pd.DataFrame:
         baseline: the estimator that others are compared with.
 
     """
-    stored = read_run(Path(run))
+    stored = read_run(run)
     return run_tables.sensitivity(stored.rows, stored.manifest["seed"], baseline)
 
 
@@ -547,7 +547,7 @@ def paper(
     """
     from cooploc.analysis.report.paper import DEFAULT, EXAMPLE, FIGURES, write
 
-    stored = read_run(Path(run))
+    stored = read_run(run)
     folder = stored.folder / "paper" if out is None else Path(out)
     chosen = select(stored, _list(estimators), _list(scenarios), baseline)
     write(chosen, folder, _list(columns) or DEFAULT, _list(figures) or FIGURES, bool(scenarios), everything)
@@ -558,5 +558,5 @@ def _rows_and_looks(run: AnyRun | pd.DataFrame) -> tuple[pd.DataFrame, list[int]
     """Return the rows of a run, and of one until decided its looks, in trials."""
     if isinstance(run, pd.DataFrame):
         return run, []
-    stored = read_run(Path(run))
+    stored = read_run(run)
     return run.rows if isinstance(run, Results) else stored.rows, stored.looks

@@ -26,8 +26,8 @@ from cooploc.estimators.registry import refusal, shorten_labels, traits
 from cooploc.scenarios import simulate, variations
 from cooploc.scenarios.process import PLUGINS, SESSION, WorkerError, call, limit_time, place_of
 from cooploc.scenarios.runner.run import label_of, list_table, make_instance, missing_methods
-from cooploc.scenarios.runner.tick import EstimatorError, IncompatibleEstimator, Watcher, select_channels, visible
-from cooploc.scenarios.runner.trace import ROUNDING, Trace, trace
+from cooploc.scenarios.runner.tick import EstimatorError, IncompatibleEstimator, Watcher, select_channels
+from cooploc.scenarios.runner.trace import ROUNDING, Trace, require_fit, trace
 from cooploc.scenarios.stream import Stream
 
 TIME_LIMIT, RUN_LIMIT = 600.0, 60.0  # [s] for all checks of one estimator, and for each of its runs
@@ -211,12 +211,12 @@ class Harness:
 
     @cached_property
     def streams(self) -> list[Stream]:
-        """The small streams that have what the estimator declares, some of their readings absent."""
+        """The small streams on which the estimator does not refuse to start, some of their readings absent."""
         fitting, reasons = [], []
         for label, overrides in SCENARIOS.items():
             stream = simulate(label, trials=TRIALS, seed=self.seed, **overrides | self.changed)[1]
             try:
-                visible(self.name, self.estimator, stream)
+                require_fit(self.name, self.estimator, stream)
             except IncompatibleEstimator as e:
                 reasons.append(str(e))
                 continue

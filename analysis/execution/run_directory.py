@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 from itertools import islice
+from os import PathLike
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -347,8 +348,11 @@ class StoredRun(NamedTuple):
         return {name: plan for name, plan in found.items() if plan}
 
 
-def read_run(folder: Path, empty: bool = False) -> StoredRun:
+def read_run(run: str | PathLike[str], empty: bool = False) -> StoredRun:
     """Return the rows of a run directory; a part that does not match its hash counts as missing."""
+    if not isinstance(run, str | PathLike):
+        raise BadInput(f"a {type(run).__name__} is no run: give the directory of one, or results of cl.run_study")
+    folder = Path(run)
     directory = RunDir(folder)
     manifest = directory.manifest
     if not manifest:

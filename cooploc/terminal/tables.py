@@ -181,7 +181,7 @@ CONTENT_COLUMNS = (
 
 def show(run: str | PathLike[str]) -> None:
     """Print what a run, by its directory or its `Results`, holds, what is missing, and what failed and why."""
-    folder, held, console = Path(run), read_run(Path(run), empty=True), make_console()
+    held, console = read_run(run, empty=True), make_console()
     manifest, decisions, certificates = held.manifest, held.decisions, held.manifest["certificates"]
     verdicts = {(one["scenario"], one["estimator"]): one for one in (decisions or {"comparison": []})["comparison"]}
     ended = held.rows.drop_duplicates(["scenario", "estimator", "trial"])
@@ -202,7 +202,8 @@ def show(run: str | PathLike[str]) -> None:
     hidden = ["decided"] * (not decisions) + ["experiment"] * (len({row["experiment"] for row in rows}) == 1)
     shown = tuple(column for column in CONTENT_COLUMNS if column.head not in hidden)
     study, versions = manifest["study"], manifest["versions"]
-    console.print(f"{folder}: study {study['name']}, seed {manifest['seed']}, {count_of(study['trials'], 'trial')}")
+    trials = count_of(study["trials"], "trial")
+    console.print(f"{held.folder}: study {study['name']}, seed {manifest['seed']}, {trials}")
     console.print(": ".join(filter(None, (study.get("title"), study["about"]))))
     commit = f", commit {manifest['commit'][:12]}" if manifest["commit"] else ""
     console.print(f"cooploc {versions['cooploc']}{commit}, Python {versions['python']}, on {manifest['cpu']}\n")
@@ -222,7 +223,7 @@ def show(run: str | PathLike[str]) -> None:
     if failed.empty:
         console.print("\nnothing failed")
     unfinished = any("not finished" in row["remark"] for row in rows)
-    console.print("next: the same cooploc run goes on" if unfinished else f"next: cooploc report {folder}")
+    console.print("next: the same cooploc run goes on" if unfinished else f"next: cooploc report {held.folder}")
 
 
 VERDICT_LEGEND = (

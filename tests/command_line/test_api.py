@@ -128,3 +128,9 @@ def test_every_command_is_a_function_too():
     functions = {"run": "run_study", "check": "check_estimator", "compare": "compare_runs"}
     commands = [command.name or command.callback.__name__ for command in app.registered_commands]
     assert {functions.get(name, name) for name in commands if name != "list"} <= set(cl.__all__)
+
+
+@pytest.mark.parametrize("read", [cl.load_run, cl.show, cl.report, cl.verdicts, lambda run: cl.compare_runs(run, run)])
+def test_what_is_no_run_is_refused_in_one_line(read):
+    with pytest.raises(cl.BadInput, match="a int is no run: give the directory of one, or results of"):
+        read(3)

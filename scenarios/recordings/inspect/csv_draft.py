@@ -136,7 +136,8 @@ def infer_columns(table: CsvTable) -> tuple[Guess, ...]:
 def _quaternions(table: CsvTable) -> dict[str, Guess]:
     """Return guesses for columns that are quaternions, of x, y, z, w or of z, w: that of w is taken for the heading.
 
-    A unit may follow: q_RS_w [] of EuRoC. Eight columns without names, of which the last four are a quaternion, are stamp, position and orientation (TUM).
+    A unit may follow: q_RS_w [] of EuRoC. Eight columns without names, of which the last four are a quaternion, are
+    stamp, position and orientation (TUM).
     """
     found: dict[str, Guess] = {}
     numbered = list(table.columns) == list("12345678")

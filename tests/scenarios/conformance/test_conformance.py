@@ -205,3 +205,17 @@ def test_an_estimator_that_hangs_is_ended_after_one_run_and_not_after_all_checks
     report = check_estimator(f"{tmp_path}/hangs.py:Hangs")
     assert report["runs"].detail == "longer than the time limit of 1 s a trial: its process was ended"
     assert report.ran == 1
+
+
+class ForDisplacements(broken.DeadReckoning):
+    def init(self, prior, world, rows):
+        if world.landmarks.size:
+            raise BadInput("it needs displacements as odometry")
+        return super().init(prior, world, rows)
+
+
+def test_an_estimator_is_checked_in_the_worlds_that_it_does_not_refuse():
+    report = check_estimator(ForDisplacements(), isolate=False)
+    assert report.passed, report.table()
+    assert "robots-1-3/n=3" in report["runs"].detail
+    assert "camera" not in report["runs"].detail
