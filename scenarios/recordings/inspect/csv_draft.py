@@ -166,7 +166,8 @@ def _guess(table: CsvTable, column: str, file_side: str) -> Guess:
     places = [name for name in (column[:-1] + q for q in "xy") if name in table.columns]
     unknown = ""
     if not quantity:
-        unknown = "neither name nor values say what it is"
+        remedies = [naming.REMEDY[word] for word in naming.words_of(column) if word in naming.REMEDY]
+        unknown = remedies[0] if remedies else "neither name nor values say what it is"
     elif isinstance(table.columns[column], tuple) and quantity not in NAMES:
         unknown = f"its name says {quantity}, but its values are not numbers"
     elif (
@@ -454,6 +455,11 @@ def _draft_run(folder: Path, data: Path) -> tuple[Draft, tuple[str, ...]]:
                 raise BadInput(unread or f"{folder}: no file has columns that look like {words}; {REMEDY}")
             unused.append(f"{needed}, as no file has columns that look like {words}")
     robots = ("robot",) if runs else _robots(folder, parts)
+    for part in [] if runs else parts:
+        if part.table in (both := ["odometry", "truth"]):
+            named, (other,) = naming.file_pattern(part.file_names, robots)[1], {*both} - {part.table}
+            lost = [one for one in named if one not in (*robots, *naming.match_names(named, robots))]
+            unused += [f"robot {one!r}, as there is {part.table} of it and no {other}" for one in lost]
     fixed = [name for part in parts if part.table in ("anchors", "landmarks") for name in _places_of(part)]
     files = [_name_readings(file, robots, fixed) for file in files]
     unused += [f"{file.name}: {lack}" for file in files if (lack := _lack(file))]

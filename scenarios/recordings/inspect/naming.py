@@ -10,9 +10,9 @@ from unicodedata import normalize
 from cooploc.scenarios.recordings.schema import UNITS
 
 _WORDS = tomllib.loads((resources(__package__) / "column_names.toml").read_text("utf-8"))
-QUANTITY, SIDE, UNIT, OTHERS = (
+QUANTITY, SIDE, UNIT, OTHERS, REMEDY = (
     {word: meaning for meaning, words in _WORDS[table].items() for word in words.split()}
-    for table in ("quantities", "sides", "units", "others")
+    for table in ("quantities", "sides", "units", "others", "remedies")
 )
 QUANTITY_OF_PAIR = {pair: quantity.replace("nothing", "") for quantity, of in _WORDS["pairs"].items() for pair in of}
 ODOMETRY = {word for word, side in SIDE.items() if side == "odometry"}

@@ -31,6 +31,8 @@ def guessed(folder, columns, name="table.csv"):
         ("linear.x", "speed", ""),
         ("angular.z", "turn_rate", ""),
         ("yaw_rate_deg", "turn_rate", "deg/s"),
+        ("vtheta", "turn_rate", ""),
+        ("v_theta", "turn_rate", ""),
         ("distance_mm", "range", "mm"),
         ("robotId", "robot", ""),
         ("anchor_id", "other", ""),
@@ -66,8 +68,10 @@ def test_values_say_the_unit_where_the_name_does_not(tmp_path, name, values, uni
 
 
 def test_a_counter_named_x_is_a_length_and_others_are_unknown(tmp_path):
-    found = guessed(tmp_path, {"t": np.arange(LINES) / 10, "odom_x": np.arange(LINES) / 50, "volts": [12.1] * LINES})
-    assert [found[name].quantity for name in ("odom_x", "volts")] == ["length", ""]
+    columns = {"t": np.arange(LINES) / 10, "odom_x": np.arange(LINES) / 50, "volts": [12.1] * LINES}
+    found = guessed(tmp_path, columns | {"latitude": [50.1] * LINES})
+    assert [found[name].quantity for name in ("odom_x", "volts", "latitude")] == ["length", "", ""]
+    assert found["latitude"].reason == "degrees on the globe: project them to metres, such as UTM"
 
 
 @pytest.mark.parametrize(

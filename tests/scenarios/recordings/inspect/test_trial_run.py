@@ -180,6 +180,8 @@ def test_a_draft_leaves_out_a_robot_that_lacks_a_series(tmp_path, change):
     found = cl.inspect(write(tmp_path / "team", files))
     found.write()
     assert found.inspected.trial.problem == ""
+    there = {"no odometry": "truth of it and no odometry", "no truth": "odometry of it and no truth"}.get(change)
+    assert (f"robot 'red', as there is {there}" in found.inspected.unused) == (there is not None)
     truth, stream = cl.simulate("log/all", data=tmp_path / "team")
     assert stream.robots == 1
     assert truth.valid.mean() > 0.9
