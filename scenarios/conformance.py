@@ -7,6 +7,7 @@ returns what it tried and saw, and raises `CheckFailed` or `CheckSkipped`; its r
 Modelled on scikit-learn's check_estimator and PettingZoo's API tests.
 """
 
+import math
 import pickle
 import random
 from collections import Counter
@@ -30,7 +31,8 @@ from cooploc.scenarios.runner.tick import EstimatorError, IncompatibleEstimator,
 from cooploc.scenarios.runner.trace import ROUNDING, Trace, require_fit, trace
 from cooploc.scenarios.stream import Stream
 
-TIME_LIMIT, RUN_LIMIT = 600.0, 60.0  # [s] for all checks of one estimator, and for each of its runs
+TIME_LIMIT = 600.0  # [s] for all checks of one estimator
+RUN_SHARE = 0.1  # of the time limit, for each of its runs
 TRIALS = 3
 LONG = 120  # ticks of the longer streams, on which a channel that is seldom used is looked for again
 TOLERANCE = 0.05  # of the stated standard deviation by which an estimate may miss a turned world
@@ -122,7 +124,7 @@ def check_estimator(
         seed: seeds the small streams, and what is done to them.
         isolate: False checks it in this process, for a debugger; else one that is not built in has a process of its
             own, where it may crash or hang.
-        time_limit: [s] for all checks in that process; math.inf for none.
+        time_limit: [s] for all checks in that process, of which one run may take a tenth; math.inf for none.
 
     Returns:
         A report: `passed`, `table()`, and a `Result` for each check, `report["causality"]`.
@@ -134,9 +136,10 @@ def check_estimator(
     name = name or label_of(estimator)
     if not isolate or is_builtin(estimator):
         return _check_here(estimator, name, seed)
+    run_limit = RUN_SHARE * time_limit
     owner = PLUGINS if isinstance(estimator, str) else SESSION  # a file's neighbours are not those of an object
     try:
-        report: Report = call(owner, _check_here, estimator, name, seed, seconds=time_limit, limit=RUN_LIMIT)
+        report: Report = call(owner, _check_here, estimator, name, seed, run_limit, seconds=time_limit, limit=run_limit)
         return report
     except (WorkerError, MemoryError) as e:
         why = str(e) if isinstance(e, WorkerError) else one_line(e)
@@ -145,9 +148,9 @@ def check_estimator(
         return Report(name, (failed, *others))
 
 
-def _check_here(estimator: Any, name: str, seed: int) -> Report:
+def _check_here(estimator: Any, name: str, seed: int, run_limit: float = math.inf) -> Report:
     """Run the checks in this process; after a failure of one of `FIRST`, no other means anything."""
-    harness, results, reason = Harness(name, make_instance(estimator), seed), list[Result](), ""
+    harness, results, reason = Harness(name, make_instance(estimator), seed, run_limit), list[Result](), ""
     for check in CHECKS:
         results.append(Result(check, "skipped", reason, seed) if reason else run_check(check, harness))
         reason = reason or (FIRST.get(check, "") if results[-1].status == "failed" else "")
@@ -192,8 +195,8 @@ class RunRecord(NamedTuple):
 class Harness:
     """An estimator, the small streams that it can run on, and how it ran on them."""
 
-    def __init__(self, name: str, estimator: Any, seed: int, ticks: int = 0) -> None:
-        self.name, self.estimator, self.seed = name, estimator, seed
+    def __init__(self, name: str, estimator: Any, seed: int, run_limit: float = math.inf, ticks: int = 0) -> None:
+        self.name, self.estimator, self.seed, self.run_limit = name, estimator, seed, run_limit
         self.changed = {"ticks": ticks} if ticks else {}
         self.traits = traits(estimator) if not isinstance(estimator, type) else traits(None)
         self.centralised = self.traits.team and self.traits.centralised  # only a team estimator can be
@@ -256,7 +259,7 @@ class Harness:
 
         self.runs += 1
         try:
-            with limit_time(RUN_LIMIT):
+            with limit_time(self.run_limit):
                 found = trace(self.name, self.estimator if estimator is None else estimator, stream, record)
         except CheckFailed:
             raise
@@ -319,7 +322,7 @@ def runs(harness: Harness) -> str:
     if isinstance(estimator, type):
         raise CheckFailed(f"it is the class {estimator.__name__}, not an instance", f"pass {estimator.__name__}()")
     if reason := refusal(estimator):
-        fact, _, remedy = reason.partition(": ")
+        fact, _, remedy = reason.rpartition(": ")
         raise CheckFailed(fact, remedy)
     for method in missing_methods(estimator):
         raise CheckFailed(f"it has no method {method}()", "add it; cooploc.estimators.interface describes it")
@@ -518,7 +521,7 @@ def declaration(harness: Harness) -> str:
         require_none(~sound[:, None], stream, " states messages and bytes of which each has no header of 8 bytes")
     declared = unused = {channel for stream in harness.streams for channel in harness.arrays(stream)}
     for ticks, factor in ((0, 1.0), (LONG, 1.0), (LONG, 1e-4)):
-        other = Harness(harness.name, harness.estimator, harness.seed, ticks)
+        other = Harness(harness.name, harness.estimator, harness.seed, harness.run_limit, ticks)
         for stream in other.streams if unused else ():
             P = stream.prior.P.copy()
             P[:, 0] *= factor

@@ -351,7 +351,7 @@ class StoredRun(NamedTuple):
 def read_run(run: str | PathLike[str], empty: bool = False) -> StoredRun:
     """Return the rows of a run directory; a part that does not match its hash counts as missing."""
     if not isinstance(run, str | PathLike):
-        raise BadInput(f"a {type(run).__name__} is no run: give the directory of one, or results of cl.run_study")
+        raise BadInput(f"a run is given by its directory, or as results of cl.run_study, not as {type(run).__name__}")
     folder = Path(run)
     directory = RunDir(folder)
     manifest = directory.manifest

@@ -132,5 +132,5 @@ def test_every_command_is_a_function_too():
 
 @pytest.mark.parametrize("read", [cl.load_run, cl.show, cl.report, cl.verdicts, lambda run: cl.compare_runs(run, run)])
 def test_what_is_no_run_is_refused_in_one_line(read):
-    with pytest.raises(cl.BadInput, match="a int is no run: give the directory of one, or results of"):
+    with pytest.raises(cl.BadInput, match=r"a run is given by its directory, .* not as int"):
         read(3)

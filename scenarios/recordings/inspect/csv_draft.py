@@ -455,11 +455,14 @@ def _draft_run(folder: Path, data: Path) -> tuple[Draft, tuple[str, ...]]:
                 raise BadInput(unread or f"{folder}: no file has columns that look like {words}; {REMEDY}")
             unused.append(f"{needed}, as no file has columns that look like {words}")
     robots = ("robot",) if runs else _robots(folder, parts)
-    for part in [] if runs else parts:
-        if part.table in (both := ["odometry", "truth"]):
-            named, (other,) = naming.file_pattern(part.file_names, robots)[1], {*both} - {part.table}
-            lost = [one for one in named if one not in (*robots, *naming.match_names(named, robots))]
-            unused += [f"robot {one!r}, as there is {part.table} of it and no {other}" for one in lost]
+    other = {"odometry": "truth", "truth": "odometry"}
+    for part in parts:
+        if part.table in other and not runs:
+            _, named = naming.file_pattern(part.file_names, robots)
+            lost = {*named} - {*robots, *naming.match_names(named, robots)}
+            unused += [
+                f"robot {one!r}, as there is {part.table} of it and no {other[part.table]}" for one in sorted(lost)
+            ]
     fixed = [name for part in parts if part.table in ("anchors", "landmarks") for name in _places_of(part)]
     files = [_name_readings(file, robots, fixed) for file in files]
     unused += [f"{file.name}: {lack}" for file in files if (lack := _lack(file))]
