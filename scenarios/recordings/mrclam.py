@@ -29,6 +29,7 @@ from cooploc.scenarios.stream import Stream, Truth
 from cooploc.scenarios.worlds.radio import Positive
 
 BARCODES = "Barcodes.dat"
+NAME = re.compile(r"Barcodes\.dat|Robot[1-9]\d*_(Groundtruth|Odometry|Measurement)\.dat")  # of its files
 FILES = {  # of each robot, and their columns
     "Groundtruth": ("time [s]", "x [m]", "y [m]", "heading [rad]"),
     "Odometry": ("time [s]", "v [m/s]", "omega [rad/s]"),
@@ -42,7 +43,7 @@ def find_runs(data: Path, description: TeamDescription) -> dict[str, Path]:
         return {data.resolve().name: data}
     found = {path.name: path for path in sorted(data.iterdir()) if (path / BARCODES).exists()}
     if not found:
-        raise BadInput(f"{data}: neither it nor a directory in it holds {BARCODES}; name a data set of MRCLAM")
+        raise BadInput(f"{data}: neither it nor a directory in it holds {BARCODES} of a data set of MRCLAM: add it")
     return found
 
 

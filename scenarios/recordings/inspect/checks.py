@@ -84,6 +84,7 @@ def check_recording(log: TeamLog) -> CheckedLog:
     check_gaps(c)
     check_robots(check_lengths, check_heading_unit, check_turn_unit)
     check_clocks(c)
+    check_clocks_of_readings(c)
     check_robots(check_stale, check_jumps)
     check_range_units(c)
     check_robots(check_compass_frame if log.odometry_kind == "displacement" else check_frame)
@@ -262,7 +263,11 @@ def check_clocks(c: CheckedLog) -> None:
             continue
         if not apart:
             interval = max(float(np.median(np.diff(stamps))) for stamps in (wheels, t))
-            if fit.correlation < FITS or fit.evidence <= EVIDENCE or abs(fit.shift) < max(0.05, 1.5 * interval):
+            least = max(0.05, 1.5 * interval)
+            if fit.correlation < FITS or fit.evidence <= EVIDENCE or abs(fit.shift) < least:
+                continue
+            moving = motion.without_repeats(m.truth, STALE_TIME)  # a frozen truth fits best where it is not judged
+            if len(moving.time) < len(t) and abs(_best_fit(m, moving).shift - fit.shift) > least:
                 continue
         shift = apart + fit.shift
         fact = f"the truth's stamps are {shift:+.4g} s from odometry's (correlation {fit.correlation:.2f}"
@@ -270,6 +275,21 @@ def check_clocks(c: CheckedLog) -> None:
         sure, offset = "sure" if fit.correlation > 0.7 else "likely", f"{-shift:{'.12g' if apart else '.4g'}}"
         c.add("clock", i, m.poses.source, fact, sure, f"clock_offset = {offset}", "truth")
         c.correct("truth", i, m.poses._replace(time=t - shift))
+
+
+def check_clocks_of_readings(c: CheckedLog) -> None:
+    """Find readings that share no time with odometry: both are taken to begin together."""
+    stamps = [series.time[[0, -1]] for series in c.log.odometry if len(series.time)]
+    for channel, readings in c.log.readings.items() if stamps else ():
+        begin, end = min(first for first, _ in stamps), max(last for _, last in stamps)
+        first, last = readings.time[[0, -1]]
+        if first > end or last < begin:
+            table = motion.TABLES.get(channel, "rssi")
+            both = f"readings from {first:.10g} to {last:.10g} s, odometry from {begin:.10g} to {end:.10g} s"
+            if ("clock", table) not in {(one.kind, one.table) for one in c.findings}:
+                offset = f"clock_offset = {begin - first:.12g}"
+                c.add("clock", None, readings.source, f"{both}: no common time", "sure", offset, table)
+            c.correct(channel, None, readings._replace(time=readings.time + (begin - first)))
 
 
 def _find_exchanged(motions: list[motion.RobotMotion], own: Mapping[int, ClockFit]) -> dict[int, tuple[int, float]]:
@@ -368,10 +388,9 @@ def check_stale(c: CheckedLog, i: int) -> None:
 
     def repeats(same: Mask, least: float) -> list[tuple[float, float]]:
         """Return intervals of `same` (m - 1,) that last, and in which at least that much is driven."""
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], same, [False]]).astype(int)))
-        found = t[edges].reshape(-1, 2)
+        found = motion.lasting(t, same, STALE_TIME)
         driven = np.diff(np.interp(found, m.odometry.time, length), axis=1)[:, 0]
-        return [(a, b) for (a, b), far in zip(found, driven, strict=True) if b - a >= STALE_TIME and far >= least]
+        return [(a, b) for (a, b), far in zip(found.tolist(), driven, strict=True) if far >= least]
 
     same_place = (change[:, :2] == 0).all(axis=1)
     same_pose = same_place & ((change[:, 2] == 0) | np.isnan(change[:, 2]))

@@ -426,7 +426,11 @@ def csv_draft(data: Path) -> Draft:
 def _draft_run(folder: Path, data: Path) -> tuple[Draft, tuple[str, ...]]:
     """Return the draft for the CSV files of one run, with those beside the runs, which are of all; and its robots."""
     beside = [p for p in _text_files(data) if p.parent == data]
-    files, unused = _read_files(dict.fromkeys([*_text_files(folder), *beside]), folder, data)
+    above = {p.name for p in beside}
+    copies = [p for p in _text_files(folder) if folder == data != p.parent and p.name in above]
+    own = [p for p in _text_files(folder) if p not in copies]
+    files, unused = _read_files(dict.fromkeys([*own, *beside]), folder, data)
+    unused += [f"{p.relative_to(data).as_posix()}: {p.name} stands above it" for p in copies]
     unread = next((line for line in unused if line.startswith(str(data))), "")
     if not files:
         raise BadInput(

@@ -10,7 +10,7 @@ import numpy as np
 from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.recordings.inspect.checks import Finding
 from cooploc.scenarios.recordings.sampling import span
-from cooploc.scenarios.recordings.team_log import TeamLog
+from cooploc.scenarios.recordings.team_log import TeamLog, arena_around
 
 WIDEST = 100  # characters in a line before its comment moves above it
 
@@ -90,11 +90,12 @@ FIRST_PART = 60.0  # [s] that models are fitted on, at most a third of the recor
 
 
 def _arena(log: TeamLog) -> tuple[Entry, ...]:
-    """Return the line `arena = ...`: around the truth, if there are no fixed things to take it from."""
-    fixed = (log.anchors.positions, log.landmarks.positions)
-    places = np.concatenate([s.values[:, :2] for s in log.truth if s is not None] + [*fixed])
+    """Return the line `arena = ...`: around the truth, unless fixed things to take it from surround that."""
+    fixed = np.concatenate([log.anchors.positions, log.landmarks.positions])
+    places = np.concatenate([s.values[:, :2] for s in log.truth if s is not None] + [fixed])
     places = places[np.isfinite(places).all(axis=1)]
-    if not len(places) or sum(map(len, fixed)) > 1:
+    low, high = arena_around(fixed) if len(fixed) > 1 else (np.inf, -np.inf)
+    if not len(places) or ((places >= low) & (places <= high)).all():
         return ()
     corners = [np.floor(places.min(axis=0) - 1.0).tolist(), np.ceil(places.max(axis=0) + 1.0).tolist()]
     why = "whole metres around the truth, which estimators must not know so well: write the corners of the room"

@@ -7,7 +7,7 @@ import numpy as np
 
 from cooploc.estimators.errors import BadInput, nearest
 from cooploc.estimators.interface import Array
-from cooploc.scenarios.recordings import schema
+from cooploc.scenarios.recordings import mrclam, schema
 from cooploc.scenarios.recordings.inspect import draft_toml
 from cooploc.scenarios.recordings.inspect.bag_draft import BAGS, bag_draft
 from cooploc.scenarios.recordings.inspect.checks import GAP, Finding, check_recording
@@ -124,8 +124,8 @@ def recognize(path: Path) -> tuple[str, str]:
         return "bag", f"{bag} is a bag"
     if graph := ending.get(".pyfg") or ending.get(".fg"):
         return "pyfg", f"{graph} is a factor graph"
-    if any(p.name == "Barcodes.dat" for p in files):
-        return "mrclam", "Barcodes.dat is of MRCLAM"
+    if of_mrclam := next((p.name for p in files if mrclam.NAME.fullmatch(p.name)), ""):
+        return "mrclam", f"{of_mrclam} is of MRCLAM"
     if ending.keys() & {*ENDINGS}:
         return "csv", "text files with columns"
     here = f" ({files[0].name} is none; save what is in it as CSV)" if files else ""

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 import scipy
 
-from cooploc.estimators.interface import Array, Indices
+from cooploc.estimators.interface import Array, Indices, Mask
 from cooploc.estimators.models import wrap
 from cooploc.scenarios.recordings import sampling
 from cooploc.scenarios.recordings.team_log import Channel, ReadingSeries, Series, TeamLog
@@ -81,6 +81,21 @@ def robot_motion(log: TeamLog, robot: int) -> RobotMotion:
         turn = np.interp(np.arange(len(heading)), known, np.unwrap(heading[known]))
     truth = SummedMotion(poses.time, unknown, turn, poses.values[:, :2])
     return RobotMotion(_odometry_motion(log, robot), truth, poses, max(2 * slowest, 0.2, longest / MOST_WINDOWS))
+
+
+def lasting(time: Array, same: Mask, least: float) -> Array:
+    """Return the intervals (k, 2) [s] in which neighbouring samples are the `same` (m - 1,) for so long."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], same, [False]]).astype(int)))
+    found = time[edges].reshape(-1, 2)
+    return found[np.diff(found, axis=1)[:, 0] >= least]
+
+
+def without_repeats(truth: SummedMotion, least: float) -> SummedMotion:
+    """Return a truth without positions that repeat exactly for so long [s]: the tracking may have been frozen there."""
+    t, kept = truth.time, np.ones(len(truth.time), bool)
+    for start, end in lasting(t, (np.diff(truth.place, axis=0) == 0).all(-1), least):
+        kept &= (t <= start) | (t >= end)
+    return SummedMotion(*(column[kept] for column in truth))
 
 
 def known_truth(log: TeamLog, robot: int) -> Series | None:

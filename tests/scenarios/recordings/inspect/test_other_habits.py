@@ -143,3 +143,60 @@ def test_readings_of_things_without_a_name_say_what_to_write(tmp_path):
     assert found.log.robots == ("robot",)
     assert 'each = { a1 = "rssi1", a2 = "rssi2" }' in " ".join(found.unused)
     assert "it has no readings beside odometry" in found.trial.lines[0]
+
+
+@pytest.fixture
+def team(tmp_path):
+    """The files of two robots, written by a function that changes the tables."""
+
+    def write(change=lambda files: files, place=""):
+        (tmp_path / place).mkdir(exist_ok=True)
+        for name, table in change({name: pd.DataFrame(c) for name, c in two_robots(seconds=60).items()}).items():
+            table.to_csv(tmp_path / place / name, index=False)
+        return tmp_path
+
+    return write
+
+
+def later_ranges(files):
+    return {**files, "uwb.csv": files["uwb.csv"].assign(time=lambda t: t["time"] + 5000)}
+
+
+def frozen(files):
+    """The truth of both stands still for ten seconds, and jumps."""
+    for robot in ROBOTS:
+        table = files[f"truth_{robot}.csv"]
+        still = table["time"].between(table["time"][0] + 30, table["time"][0] + 40)
+        table.loc[still, ["x", "y", "theta"]] = table.loc[still, ["x", "y", "theta"]].iloc[0].to_numpy()
+    return files
+
+
+@pytest.mark.parametrize(
+    ("change", "kinds", "setting"),
+    [(later_ranges, {"clock"}, "[ranges] clock_offset = -5000"), (frozen, {"stale"}, '[truth] repeats = "stale"')],
+)
+def test_a_fault_of_the_files_is_found_as_what_it_is(team, change, kinds, setting):
+    findings = cl.inspect(team(change)).inspected.findings
+    assert {one.kind for one in findings} == kinds
+    assert all(one.change.startswith(setting) for one in findings)
+
+
+def test_copies_in_a_folder_below_are_left_out_and_named(team):
+    team()
+    found = cl.inspect(team(changed(range=lambda d: 1000 * d), "old")).inspected
+    assert found.findings == ()
+    assert "old/uwb.csv: uwb.csv stands above it" in found.unused
+
+
+def test_an_arena_is_drafted_where_robots_leave_that_of_the_anchors(team):
+    places = pd.DataFrame({"name": ["A", "B"], "x": [1.0, 1.2], "y": [1.0, 1.2]})
+    for x, drafted in ((0.0, True), (30.0, False)):
+        wide = places.assign(x=places["x"] + [-x, x], y=places["y"] + [-x, x])
+        found = cl.inspect(team(lambda files, wide=wide: {**files, "anchors.csv": wide}))
+        assert ("arena = " in found.log_toml) == drafted
+
+
+def test_files_of_mrclam_without_barcodes_say_what_is_missing(tmp_path):
+    (tmp_path / "Robot1_Odometry.dat").write_text("1.0 0.1 0.0\n")
+    with pytest.raises(cl.BadInput, match=r"holds Barcodes\.dat of a data set of MRCLAM: add it"):
+        cl.inspect(tmp_path)
