@@ -92,12 +92,16 @@ def pairs_of_robots(names: Iterable[str], robots: Sequence[str]) -> dict[str, st
 def file_pattern(files: Sequence[str], known: Sequence[str] = ()) -> tuple[str, tuple[str, ...]]:
     """Return the pattern that most files share, with {robot} in it, and the robots in the order of the files.
 
-    odom_red.csv and odom_blue.csv are odom_{robot}.csv of red and blue. `known`: names of robots, for a single file.
+    odom_red.csv and odom_blue.csv are odom_{robot}.csv of red and blue; a name may be of up to three words, such as
+    turtle_1. `known`: names of robots, for a single file.
     """
-    patterns: dict[str, list[str]] = {}  # pattern -> the word that it stands for, of each file
+    patterns: dict[str, list[str]] = {}  # pattern -> the words that it stands for, of each file
     for file in files:
         stem, dot, ending = file.rpartition(".")
-        for word in dict.fromkeys(re.findall(r"[^/_\-. ]+", stem)):
+        spans = [match.span() for match in re.finditer(r"[^/_\-. ]+", stem)]
+        several = [stem[a:d] for (a, _), (_, d) in (*pairwise(spans), *zip(spans, spans[2:], strict=False))]
+        names = [stem[a:b] for a, b in spans] + [name for name in several if name != stem and not {*"/ "} & {*name}]
+        for word in dict.fromkeys(names):
             whole_word = rf"(?<![^/_\-. ]){re.escape(word)}(?![^/_\-. ])"
             patterns.setdefault(re.sub(whole_word, "{robot}", stem) + dot + ending, []).append(word)
     if len(files) == 1:
@@ -108,12 +112,13 @@ def file_pattern(files: Sequence[str], known: Sequence[str] = ()) -> tuple[str, 
 
 
 def match_names(words: Iterable[str], robots: Sequence[str]) -> dict[str, str]:
-    """Return the robots that words mean: those with equal letters and digits, else last number, else last word."""
+    """Return the robots that words mean, by equal letters and digits, else last number, last word, or first word."""
     found: dict[str, str] = {}
     forms = (
         letters_of,
         lambda name: "".join(re.findall(r"\d+", name)[-1:]).lstrip("0"),
         lambda name: "".join(re.findall(r"[^\W_]+", name)[-1:]).lower(),
+        lambda name: "".join(re.findall(r"[^\W_]+", name)[:1]).lower(),
     )
     for form in forms:
         for word in dict.fromkeys(words):

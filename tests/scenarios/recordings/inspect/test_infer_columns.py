@@ -81,6 +81,8 @@ def test_a_counter_named_x_is_a_length_and_others_are_unknown(tmp_path):
         (["red/odom.csv", "blue/odom.csv"], "{robot}/odom.csv", ("red", "blue")),
         (["red/odom_red.csv", "blue/odom_blue.csv"], "{robot}/odom_{robot}.csv", ("red", "blue")),
         (["robot1.csv", "robot2.csv", "robot10.csv"], "{robot}.csv", ("robot1", "robot2", "robot10")),
+        (["odom_turtle_1.csv", "odom_wolf_2.csv"], "odom_{robot}.csv", ("turtle_1", "wolf_2")),
+        (["odom_husky 1.csv", "odom_jackal 1.csv"], "odom_{robot} 1.csv", ("husky", "jackal")),
         (["all.csv"], "all.csv", ()),
     ],
 )
