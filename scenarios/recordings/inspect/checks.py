@@ -264,10 +264,10 @@ def check_clocks(c: CheckedLog) -> None:
         if not apart:
             interval = max(float(np.median(np.diff(stamps))) for stamps in (wheels, t))
             least = max(0.05, 1.5 * interval)
-            if fit.correlation < FITS or fit.evidence <= EVIDENCE or abs(fit.shift) < least:
-                continue
-            moving = motion.without_repeats(m.truth, STALE_TIME)  # a frozen truth fits best where it is not judged
-            if len(moving.time) < len(t) and abs(_best_fit(m, moving).shift - fit.shift) > least:
+            moving = motion.without_repeats(m.truth, STALE_TIME)
+            if _shows_shift(fit, least) and len(moving.time) < len(t):
+                fit = _best_fit(m, moving)  # a truth that was frozen for a while fits best where that is left out
+            if not _shows_shift(fit, least):
                 continue
         shift = apart + fit.shift
         fact = f"the truth's stamps are {shift:+.4g} s from odometry's (correlation {fit.correlation:.2f}"
@@ -275,6 +275,10 @@ def check_clocks(c: CheckedLog) -> None:
         sure, offset = "sure" if fit.correlation > 0.7 else "likely", f"{-shift:{'.12g' if apart else '.4g'}}"
         c.add("clock", i, m.poses.source, fact, sure, f"clock_offset = {offset}", "truth")
         c.correct("truth", i, m.poses._replace(time=t - shift))
+
+
+def _shows_shift(fit: ClockFit, least: float) -> bool:
+    return fit.correlation >= FITS and fit.evidence > EVIDENCE and abs(fit.shift) >= least
 
 
 def check_clocks_of_readings(c: CheckedLog) -> None:

@@ -171,6 +171,15 @@ def frozen(files):
     return files
 
 
+def test_of_a_truth_that_froze_and_is_early_both_are_found(team):
+    findings = cl.inspect(team(lambda files: delayed(frozen(files)))).inspected.findings
+    assert {one.kind for one in findings} >= {"clock", "stale"}
+
+
+def delayed(files):
+    return {n: t.assign(time=t["time"] - 8) if n.startswith("truth") else t for n, t in files.items()}
+
+
 @pytest.mark.parametrize(
     ("change", "kinds", "setting"),
     [(later_ranges, {"clock"}, "[ranges] clock_offset = -5000"), (frozen, {"stale"}, '[truth] repeats = "stale"')],
