@@ -16,6 +16,7 @@ from cooploc.estimators.interface import Array, Mask
 from cooploc.estimators.models import wrap
 from cooploc.scenarios.recordings.inspect import motion
 from cooploc.scenarios.recordings.team_log import ReadingSeries, Series, TeamLog, other_names
+from cooploc.scenarios.recordings.text_files import count_of
 
 Values = TypeVar("Values", Series, ReadingSeries)
 
@@ -400,7 +401,8 @@ def check_stale(c: CheckedLog, i: int) -> None:
     same_pose = same_place & ((change[:, 2] == 0) | np.isnan(change[:, 2]))
     if found := repeats(same_pose, STALE_LENGTH) or repeats(same_place, STALE_PLACE):
         longest = max(end - start for start, end in found)
-        fact = f"the position repeats exactly while the robot drives: {len(found)} times, for up to {longest:.1f} s"
+        often = count_of(len(found), "time")
+        fact = f"the position repeats exactly while the robot drives: {often}, for up to {longest:.1f} s"
         c.add("stale", i, m.poses.source, fact, "sure", 'repeats = "stale"', "truth")
         stale = np.any([(t > start) & (t <= end) for start, end in found], axis=0)
         c.correct("truth", i, m.poses._replace(time=t[~stale], values=m.poses.values[~stale]))

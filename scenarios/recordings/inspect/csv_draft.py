@@ -6,6 +6,7 @@ names of the files.
 
 import csv
 import re
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
@@ -426,12 +427,13 @@ def csv_draft(data: Path) -> Draft:
 def _draft_run(folder: Path, data: Path) -> tuple[Draft, tuple[str, ...]]:
     """Return the draft for the CSV files of one run, with those beside the runs, which are of all; and its robots."""
     beside = [p for p in _text_files(data) if p.parent == data]
-    above = {p.name for p in beside}
-    copies = [p for p in _text_files(folder) if folder == data != p.parent and p.name in above]
+    count = Counter(p.name for p in _text_files(folder) if p.parent != data)  # in several folders: of each robot
+    above = {p.name for p in beside if folder == data and count[p.name] == 1}
+    copies = [p for p in _text_files(folder) if p.name in above and p.parent != data]
     own = [p for p in _text_files(folder) if p not in copies]
     files, unused = _read_files(dict.fromkeys([*own, *beside]), folder, data)
-    unused += [f"{p.relative_to(data).as_posix()}: {p.name} stands above it" for p in copies]
     unread = next((line for line in unused if line.startswith(str(data))), "")
+    unused += [f"{p.relative_to(data).as_posix()}: {p.name} stands above it" for p in copies]
     if not files:
         raise BadInput(
             unread or f"{folder}: there is no CSV file, bag, PyFG file or MRCLAM text in it; name another directory"

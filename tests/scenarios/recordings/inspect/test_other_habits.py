@@ -197,6 +197,17 @@ def test_copies_in_a_folder_below_are_left_out_and_named(team):
     assert "old/uwb.csv: uwb.csv stands above it" in found.unused
 
 
+def test_files_of_one_name_in_folders_of_robots_are_no_copies_of_one_above(team, tmp_path):
+    team()
+    for kind, in_robot in (("odom", "odometry"), ("truth", "truth")):
+        for robot in ROBOTS:
+            (tmp_path / robot).mkdir(exist_ok=True)
+            (tmp_path / f"{kind}_{robot}.csv").rename(tmp_path / robot / f"{in_robot}.csv")
+    (tmp_path / "truth.csv").write_text((tmp_path / "red" / "truth.csv").read_text())
+    log = cl.inspect(tmp_path).inspected.log
+    assert [series.source for series in log.truth] == [str(tmp_path / robot / "truth.csv") for robot in log.robots]
+
+
 def test_an_arena_is_drafted_where_robots_leave_that_of_the_anchors(team):
     places = pd.DataFrame({"name": ["A", "B"], "x": [1.0, 1.2], "y": [1.0, 1.2]})
     for x, drafted in ((0.0, True), (30.0, False)):
