@@ -30,6 +30,7 @@ The runs of one robot may be a file each, `file = "{run}.csv"`; `wifi.log.toml` 
 """
 
 import math
+import re
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -112,8 +113,19 @@ Number = Annotated[LogColumn, _unit_of("")]
 
 Place = tuple[float, float]  # [m]
 Delimiter = Literal[",", ";", "\t", "|", " "]
-Name = Annotated[str, Field(pattern=r"^[^\s,/{}\[\]]+$", max_length=60)]
 
+
+def check_name(name: str) -> str:
+    """Return a name that can stand in labels and names of files; refuse any other."""
+    if not re.fullmatch(r"[^\s,/{}\[\]]{1,60}", name):
+        raise ValueError(
+            f"{name!r} cannot be a name here: it has a blank or one of , / {{ }} [ ], or no or over 60 letters;"
+            f' in `nodes = {{ "{name}" = "another" }}` the files may keep it'
+        )
+    return name
+
+
+Name = Annotated[str, AfterValidator(check_name)]
 
 Several = BeforeValidator(lambda given: given if isinstance(given, list | tuple) else [given])  # or one by itself
 TimeColumns = Annotated[tuple[Seconds, ...], Field(min_length=1), Several]

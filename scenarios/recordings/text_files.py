@@ -179,13 +179,13 @@ def split_fields(text: str, delimiter: str) -> tuple[list[str], int, Rows]:
     rows = list(fields_of(text, delimiter))
     above = next((k for k, (_, fields) in enumerate(rows) if not fields[0].startswith(COMMENTS)), len(rows))
     comments, rows = rows[:above], rows[above:]
-    if not rows:
-        return [], 1, []
-    line, head = rows[0]
     named = list[str]()
     if comments:
         words = text.split("\n")[comments[-1][0] - 1].lstrip("#%/ ")
         named = next((fields for _, fields in fields_of(words, delimiter)), [])
+    if not rows:
+        return named, comments[-1][0] if comments else 1, []
+    line, head = rows[0]
     has_number = [np.isfinite(parse_field(field)) for field in head]
     below = [fields for _, fields in rows[1:4]]
     if any(np.isfinite(parse_field(b)) > a for fields in below for a, b in zip(has_number, fields, strict=False)):

@@ -17,6 +17,7 @@ IN_TOML = [
     ('format = "csv"', 'format = "bag"', 'takes topic = "..."'),
     ('format = "csv"', 'format = "pyfg"', "says itself where everything is"),
     ('robots = ["red", "blue"]', "", "robots is missing"),
+    ('robots = ["red", "blue"]', 'robots = ["husky 1", "blue"]', "'husky 1' cannot be a name here: it has a blank"),
     ('robots = ["red", "blue"]', 'robots = ["red", "red"]', "'red' is the name of two things"),
     ("arena = [[0, 0], [8, 6]]", "arena = [[8, 6], [0, 0]]", "lower left and the upper right corner"),
     ("arena = [[0, 0], [8, 6]]", "", "state its corners"),

@@ -75,7 +75,8 @@ def check_recording(log: TeamLog) -> CheckedLog:
     """Find everything odd about a recording, in an order in which no fault hides the next."""
     c = CheckedLog(log)
     for warning in dict.fromkeys(log.warnings):  # such as a last line that was cut off
-        c.add("dropped", None, "", warning, "sure", "nothing: it is left out")
+        nothing, place = ("nothing: it is left out", ""), ("places = { NAME = [X, Y], ... }, of an anchor", "anchors")
+        c.add("dropped", None, "", warning, "sure", *(place if "nor a place" in warning else nothing))
 
     def check_robots(*checks: Callable[[CheckedLog, int], None]) -> None:
         for check in checks:

@@ -7,6 +7,7 @@ from made_team import ANCHORS, BIAS, DESCRIPTION, ROBOTS, describe, poses_at, wr
 import cooploc as cl
 from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.recordings import csv_files, schema
+from cooploc.scenarios.recordings.inspect.checks import check_recording
 
 UWB = DESCRIPTION[DESCRIPTION.index("[ranges]") : DESCRIPTION.index("[fit]")]
 
@@ -61,6 +62,7 @@ def test_a_range_to_a_place_is_one_of_an_anchor(lab):
     places = ", ".join(f"{name} = [{x}, {y}]" for name, (x, y) in ANCHORS.items())
     (warning,) = read(lab).warnings
     assert "readings of 'east', 'north', 'south', which is not a robot of the team, nor a place" in warning
+    assert check_recording(read(lab)).findings[0].change.startswith("[anchors] places = ")
     log = read(lab, ("[fit]", f"[anchors]\nplaces = {{ {places} }}\n[fit]"))
     assert log.anchors.names == tuple(ANCHORS)
     assert np.bincount(log.readings["anchor_range"].other).tolist() == [len(log.readings["range"].time)] * 3

@@ -1,6 +1,7 @@
 """Damaged bags: what is recovered is what was written, and a warning says how much that is."""
 
 import os
+import re
 from pathlib import Path
 
 import numpy as np
@@ -52,6 +53,13 @@ def test_of_a_bag_cut_off_anywhere_what_was_written_before_is_recovered(bag):
         found.append(len(got))
         assert len(got) >= (share - 0.25) * len(written)
     assert found == sorted(found)
+
+
+def test_the_warning_says_how_many_messages_the_whole_bag_had(bag):
+    path, raw, _ = bag
+    storage(path).write_bytes(raw[: len(raw) // 2])
+    whole = re.search(r"\n  message_count: (\d+)", (path / "metadata.yaml").read_text())[1]
+    assert f" of {whole} messages recovered" in recovered(path)[1][0]
 
 
 @pytest.mark.slow

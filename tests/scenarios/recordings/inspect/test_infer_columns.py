@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.recordings.inspect.csv_draft import read_csv
 from cooploc.scenarios.recordings.inspect.naming import file_pattern, name_meaning
 
@@ -88,3 +89,10 @@ def test_a_counter_named_x_is_a_length_and_others_are_unknown(tmp_path):
 )
 def test_what_differs_between_names_of_files_is_the_robot(files, pattern, robots):
     assert file_pattern(files) == (pattern, robots)
+
+
+@pytest.mark.parametrize("text", ["time,x,y\n", "# time,x,y\n"])
+def test_a_file_with_nothing_but_the_names_of_columns_is_refused(tmp_path, text):
+    (tmp_path / "odom.csv").write_text(text)
+    with pytest.raises(BadInput, match=r"it has no line of data with 3 fields as in line 1"):
+        read_csv(tmp_path / "odom.csv", "odom.csv")
