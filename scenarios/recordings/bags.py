@@ -256,9 +256,7 @@ def values_of(table: schema.ReadingColumns, series: TopicSeries) -> tuple[Array,
     values = series.values[:, :1].copy()
     if isinstance(table, schema.RangesTable):
         values *= UNITS["m"][table.unit]
-    elif isinstance(table, schema.RssiTable):
-        values[values >= table.missing_from] = np.nan
-    return series.time, values
+    return series.time, team_log.without_missing(table, values)
 
 
 def read_run(place: Path, name: str, description: TeamDescription) -> TeamLog:

@@ -12,7 +12,15 @@ from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array
 from cooploc.scenarios.recordings import schema
 from cooploc.scenarios.recordings.schema import LogColumn, ReadingColumns, Source, TeamDescription
-from cooploc.scenarios.recordings.team_log import Measured, Series, TeamLog, build_log, order_series, reading_tables
+from cooploc.scenarios.recordings.team_log import (
+    Measured,
+    Series,
+    TeamLog,
+    build_log,
+    order_series,
+    reading_tables,
+    without_missing,
+)
 from cooploc.scenarios.recordings.text_files import count_of, read_lines, read_text, split_fields
 
 
@@ -83,7 +91,9 @@ def rows_of(
 ) -> Iterator[CsvRows]:
     """Yield the lines of every file of a source in one run."""
     pattern = (source.file or "").replace("{run}", run.name)
-    written = {name: word for word, name in source.nodes.items()}
+    words_for: dict[str, list[str]] = {}  # of a robot, in names of files and columns
+    for word, name in source.nodes.items():
+        words_for.setdefault(name, []).append(word)
     numbers = [*source.time, *(column for column in columns if column is not None)]
     names = [name for column in numbers for name in column.columns]
     of = source.other if isinstance(source, ReadingColumns) else None
@@ -93,11 +103,10 @@ def rows_of(
     delimiter = source.delimiter or run.description.delimiter
     lines_of: dict[tuple[Path, tuple[str, ...]], tuple[str, str]] = {}
     for robot, other in product(robots, others if in_columns or "{other}" in pattern else ("",)):
-        if robot != other or not robot:
-            words = (written.get(robot, robot), written.get(other, other))
-            file, *filled = (
-                name.replace("{robot}", words[0]).replace("{other}", words[1]) for name in (pattern, *names)
-            )
+        for a, b in (
+            product(*([*words_for.get(n, []), n] for n in (robot, other))) if robot != other or not robot else ()
+        ):
+            file, *filled = (name.replace("{robot}", a).replace("{other}", b) for name in (pattern, *names))
             lines_of[run.place / file, tuple(filled)] = robot, other
     if not any(path.is_file() for path, _ in lines_of):
         raise BadInput(f"{next(iter(lines_of))[0]}: there is no such file; put it there, or correct `file` in log.toml")
@@ -153,10 +162,8 @@ def _measurements(run: RunFiles, table: ReadingColumns, names: Sequence[str]) ->
         if not stamped.all():
             left_out = f"left out {count_of(int((~stamped).sum()), 'line')} without a stamp"
             run.warnings.append(f"{rows.path}: {left_out}")
-        values = rows.values[stamped]
+        values = without_missing(table, rows.values[stamped])
         robots, others = ([n for n, s in zip(of, stamped, strict=True) if s] for of in (rows.robot, rows.other))
-        if isinstance(table, schema.RssiTable):
-            values[values >= table.missing_from] = np.nan
         m = max(len(each), 1)
         yield Measured(
             np.repeat(rows.time[stamped], m),

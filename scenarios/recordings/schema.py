@@ -242,6 +242,7 @@ class RangesTable(ReadingColumns):
     range: Metres | None = None
     each: Mapping[Name, Metres] = {}  # instead of `other` and `range`: the column of each robot or anchor
     unit: Literal["m", "cm", "mm"] = "m"  # of a bag's values
+    missing_from: Positive | None = None  # [m] a range of this or more is missing: some radios write 65.535
 
 
 class RssiTable(ReadingColumns):

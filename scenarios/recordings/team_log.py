@@ -234,6 +234,12 @@ def build_log(
     return TeamLog(name, robots, d.moves.kind, moved, tuple(poses), readings, landmarks, anchors, tuple(notes))
 
 
+def without_missing(table: ReadingColumns, values: Array) -> Array:
+    """Return values with nan in place of those that stand for no reading."""
+    limit = getattr(table, "missing_from", None)
+    return values if limit is None else np.where(values >= limit, np.nan, values)
+
+
 def split_channels(
     kind: Kind, several: Sequence[Measured], robots: Sequence[str], fixed: Sequence[str]
 ) -> tuple[dict[Channel, ReadingSeries], list[str]]:
@@ -254,12 +260,12 @@ def split_channels(
         positive = there & ((one.values[:, 0] > 0) | (kind == "rssi"))
         known, itself = (robot >= 0) & ((mate >= 0) | (thing >= 0)), (robot == mate) & (robot >= 0)
         for dropped, names, what in (
-            (robot < 0, one.robot, "measured by {}, which is not a robot of the team"),
-            ((robot >= 0) & ~known, one.other, "of {}, which is not a robot of the team, nor a place"),
-            (known & itself, one.robot, "of {} by itself"),
+            (there & (robot < 0), one.robot, "measured by {}, which is not a robot of the team"),
+            (there & (robot >= 0) & ~known, one.other, "of {}, which is not a robot of the team, nor a place"),
+            (there & known & itself, one.robot, "of {} by itself"),
             (~near, one.robot, "by {} with stamps that are days from the others"),
             (there & ~positive, one.robot, "by {} that are not positive"),
-            (again, one.robot, "by {} that are there twice, to the digit"),
+            (there & again, one.robot, "by {} that are there twice, to the digit"),
         ):
             rows = np.flatnonzero(dropped).tolist()
             whose = sorted({names[row] for row in rows})

@@ -136,6 +136,7 @@ DEGREE = np.pi / 180
 # Values that were read as SI are so many times too large: kind of the finding, unit to write, factor.
 Unit = tuple[str, str, float]
 LENGTH_UNITS = (("unit", "mm", 1000.0), ("unit", "cm", 100.0), ("unit", "m", 0.01), ("unit", "m", 0.001))
+RANGE_UNITS = (*LENGTH_UNITS, ("unit", "mm", 10.0), ("unit", "cm", 0.1))  # cm taken for mm, or mm for cm
 ANGLE_UNITS = (("degrees", "deg", 1 / DEGREE), ("radians", "rad", DEGREE))
 POSITIONS = ((0, 1), ("x", "y"))
 LENGTHS = {"velocity": ((0,), ("speed",)), "path": ((0,), ("length",)), "displacement": ((0, 1), ("dx", "dy"))}
@@ -537,10 +538,10 @@ BIAS_KEYS = {"range": "range_bias", "anchor_range": "anchor_range_bias"}
 
 
 def check_range_units(c: CheckedLog) -> None:
-    """Find ranges that are 100 or 1000 times the distance; within a factor of 2.5, as frames may still be wrong."""
+    """Find ranges that are 10, 100 or 1000 times the distance; within a factor of 2.5, as frames may still be wrong."""
     for channel, readings in motion.range_channels(c.log):
         ratio = motion.quantile(readings.values[:, 0] / motion.distances(c.log, channel), 0.5)
-        if unit := unit_of_ratio(ratio, LENGTH_UNITS, 2.5):
+        if unit := unit_of_ratio(ratio, RANGE_UNITS, 2.5):
             fact, setting = f"ranges are {ratio:.3g} times the distances", f'unit = "{unit[1]}"'
             c.add("unit", None, readings.source, fact, "sure", setting, motion.TABLES[channel], ("range",))
             c.correct(channel, None, divide_columns(readings, unit[2], (0,)))

@@ -6,6 +6,7 @@ names of the files.
 
 import csv
 import re
+import statistics
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
@@ -21,7 +22,7 @@ from cooploc.scenarios.recordings.inspect import naming
 from cooploc.scenarios.recordings.inspect.checks import Finding
 from cooploc.scenarios.recordings.inspect.draft_toml import Draft, DraftTable, Entry
 from cooploc.scenarios.recordings.schema import COLUMNS, UNITS
-from cooploc.scenarios.recordings.text_files import COMMENTS, parse_field, read_text, split_fields
+from cooploc.scenarios.recordings.text_files import COMMENTS, LEAST_LEFT, parse_field, read_text, split_fields
 
 ENDINGS = (".csv", ".txt", ".tsv", ".dat", ".log", ".tum")
 DELIMITERS = (";", ",", "\t", "|", " ")
@@ -72,14 +73,20 @@ def read_csv(path: Path, name: str) -> CsvTable:
         raise BadInput(f"{path}: the file is empty; get it again")
     lines = text.split("\n")
     first = next((line for line in lines if line and not line.startswith(COMMENTS)), lines[0]).strip()
+    if not any(d in first for d in DELIMITERS):  # a title, or names that are divided by nothing
+        first = next((line for line in lines[1:10] if any(d in line for d in DELIMITERS)), first)
     fields = {d: len(next(csv.reader([first], delimiter=d, skipinitialspace=True), [])) for d in DELIMITERS}
     delimiter = max(DELIMITERS, key=lambda d: (fields[d] > 1, d != " ", fields[d]))
     head, line, rows = split_fields(text, delimiter)
     if twice := next((name for name in head if head.count(name) > 1), None):
         raise BadInput(f"{path}, line {line}: two columns are named {short_repr(twice)}; rename one")
     whole = [row for _, row in rows if len(row) == len(head)]
-    if not whole:
+    if not rows:
         raise BadInput(f"{path}: it has no line of data with {len(head)} fields as in line {line}; get the file again")
+    if len(whole) < LEAST_LEFT * len(rows):
+        most = statistics.mode(len(row) for _, row in rows)
+        remedy = "leave one line above the numbers, with the names of all columns (of a truth: time, x, y, heading)"
+        raise BadInput(f"{path}: most lines have {most} fields, and line {line}, with the names, {len(head)}; {remedy}")
     patterns, robots = naming.columns_of_robots(head)
     columns: dict[str, Array | tuple[str, ...]] = {}
     for column, words in zip(head, zip(*whole, strict=True), strict=True):  # of several robots the first one's values
@@ -306,6 +313,15 @@ def _name_readings(file: CsvTable, robots: Sequence[str], fixed: Sequence[str]) 
     if not file.robots and (pairs := naming.pairs_of_robots(file.columns, robots)):
         file = file._replace(columns={pairs.get(c, c): values for c, values in file.columns.items()})
         file = file._replace(guesses=infer_columns(file))
+    _, own = naming.file_pattern([file.name], robots)
+    quantities = [g.quantity for g in file.guesses]
+    if own and "robot" in quantities and "other" not in quantities:  # odom_red.csv does not need to say whose it is
+        k = quantities.index("robot")
+        named = file.names(file.guesses[k].column)
+        meant = {*named, *naming.match_names(named, robots).values()}
+        if own[0] not in meant and meant & {*robots, *fixed}:
+            guess = file.guesses[k]._replace(quantity="other", reason=f"its names are not {own[0]}, whose file it is")
+            file = file._replace(guesses=(*file.guesses[:k], guess, *file.guesses[k + 1 :]))
     of = [column for column in file.columns if column in fixed and len(file.numbers(column))]
     kind = "rssi" if any((file.numbers(column) < 0).all() for column in of) else "range"
     found = {
@@ -536,15 +552,27 @@ def _draft_table(
         if isinstance(found, str):
             return f"{names}: {found}"
         whose = tuple(_entry("robot", columns["robot"]) for _ in columns.keys() & {"robot"})
-        return DraftTable(table, (file, Entry("time", at, time[0].reason), *whose, found))
+        return DraftTable(table, (file, Entry("time", at, time[0].reason), *whose, found, *_missing(part, each)))
     entries = [Entry("kind", part.kind, "its columns")] if part.kind else []
     if part.files[0].delimiter != delimiter:
         entries.append(Entry("delimiter", part.files[0].delimiter, "between the fields of these files"))
     entries += [file, Entry("time", at, "; ".join(guess.reason for guess in time))]
     entries += [_entry(q, g) for q, g in columns.items() if q not in STAMPS and (q != "other" or table in READINGS)]
+    entries += _missing(part, each or [columns["range"]]) if table == "ranges" else []
     if nodes:
         entries.append(Entry("nodes", nodes, "these words and the names of the robots are alike", "likely"))
     return DraftTable(table, tuple(entries))
+
+
+def _missing(part: TablePart, columns: Sequence[Guess]) -> list[Entry]:
+    """Return the line for ranges that mean none: the largest, often there, and by half above all others."""
+    values = np.concatenate([f.numbers(g.column) * UNITS["m"][g.unit] for f in part.files for g in columns])
+    largest, others = np.max(values, initial=0.0), values[values < np.max(values, initial=0.0)]
+    count = len(values) - len(others)
+    if part.table != "ranges" or count < max(10, 0.005 * len(values)) or largest < 1.5 * np.max(others, initial=0.0):
+        return []
+    why = f"[m] {count} of {len(values)} ranges are {largest:.6g} m, and no other is near"
+    return [Entry("missing_from", float(f"{0.99 * largest:.3g}"), why, "likely")]
 
 
 def _each_thing(table: str, each: Sequence[Guess], things: Sequence[str], robots: Sequence[str]) -> Entry | str:

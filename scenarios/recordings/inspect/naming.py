@@ -14,7 +14,8 @@ QUANTITY, SIDE, UNIT, OTHERS, REMEDY = (
     {word: meaning for meaning, words in _WORDS[table].items() for word in words.split()}
     for table in ("quantities", "sides", "units", "others", "remedies")
 )
-QUANTITY_OF_PAIR = {pair: quantity.replace("nothing", "") for quantity, of in _WORDS["pairs"].items() for pair in of}
+QUANTITY_OF_PAIR = {pair: quantity for quantity, of in _WORDS["pairs"].items() for pair in of}
+AXES = {"turn_rate": (["x"], ["y"]), "speed": (["y"], ["z"])}  # of a robot on a floor, about or along which it is not
 ODOMETRY = {word for word, side in SIDE.items() if side == "odometry"}
 # The units of quantities in log.toml; all others are lengths in m.
 SI = {"time": "s", "sec": "s", "nsec": "ns", "rssi": "dBm", "heading": "rad", "bearing": "rad"}
@@ -36,6 +37,8 @@ def name_meaning(column: str) -> tuple[str, str, str]:
     known = [QUANTITY[word] for word in words if word in QUANTITY]
     unknown = "range" if "{other}" in column and words in (["r"], ["rho"]) else ""
     quantity = QUANTITY_OF_PAIR[pair] if pair else min(known, key=list(_WORDS["quantities"]).index, default=unknown)
+    if quantity == "nothing" or words[-1:] in AXES.get(quantity, ()):
+        quantity = ""
     unit = next((UNIT[word] for word in (words_of(inside[1]) if inside else words[1:]) if word in UNIT), "")
     if quantity in RATES:
         unit = f"{unit}/s" if unit in (*UNITS["m"], *UNITS["rad"]) else unit * ("/" in unit)

@@ -38,6 +38,15 @@ def guessed(folder, columns, name="table.csv"):
         ("robotId", "robot", ""),
         ("anchor_id", "other", ""),
         ("battery", "", ""),
+        ("battery_v", "", ""),
+        ("w_dps", "turn_rate", "deg/s"),
+        ("angular_velocity.z", "turn_rate", ""),
+        ("angular_velocity.x", "", ""),
+        ("twist.linear.y", "", ""),
+        ("twist.angular.x", "", ""),
+        ("velocity_y", "", ""),
+        ("linear_acceleration.x", "", ""),
+        ("pos_x_std", "", ""),
     ],
 )
 def test_a_name_says_quantity_and_unit(column, quantity, unit):
@@ -91,8 +100,20 @@ def test_what_differs_between_names_of_files_is_the_robot(files, pattern, robots
     assert file_pattern(files) == (pattern, robots)
 
 
-@pytest.mark.parametrize("text", ["time,x,y\n", "# time,x,y\n"])
-def test_a_file_with_nothing_but_the_names_of_columns_is_refused(tmp_path, text):
+VICON = (
+    "Objects\n50\n,,red,,,blue,,\nFrame,Sub Frame,RZ,TX,TY,RZ,TX,TY\n,,rad,mm,mm,rad,mm,mm\n" + 9 * "1,0,2,3,4,5,6,7\n"
+)
+
+
+@pytest.mark.parametrize(
+    ("text", "fault"),
+    [
+        ("time,x,y\n", "it has no line of data with 3 fields as in line 1"),
+        ("# time,x,y\n", "it has no line of data with 3 fields as in line 1"),
+        (VICON, "most lines have 8 fields, and line 1, with the names, 1; leave one line above the numbers"),
+    ],
+)
+def test_a_file_without_a_line_of_names_above_lines_of_numbers_is_refused(tmp_path, text, fault):
     (tmp_path / "odom.csv").write_text(text)
-    with pytest.raises(BadInput, match=r"it has no line of data with 3 fields as in line 1"):
+    with pytest.raises(BadInput, match=fault):
         read_csv(tmp_path / "odom.csv", "odom.csv")

@@ -71,6 +71,27 @@ def ranges_each(files):
     return files
 
 
+def one_export(files):
+    """All in one file, a line for whatever was recorded, and empty fields for all else."""
+    tables = [t.assign(robot=name[:-4].split("_")[1]) for name, t in files.items() if name != "uwb.csv"]
+    return {"export.csv": pd.concat([*tables, files["uwb.csv"].rename(columns={"from": "robot"})]).sort_values("time")}
+
+
+def folders(files):
+    """A folder for each robot, whose ranges name the other alone."""
+    found = {f"{name[:-4].split('_')[1]}/{name.split('_')[0]}.csv": t for name, t in files.items() if name != "uwb.csv"}
+    for robot in ROBOTS:
+        of = files["uwb.csv"].query("`from` == @robot").rename(columns={"to": "id"})
+        found[f"{robot}/uwb.csv"] = of.drop(columns="from")
+    return found
+
+
+def no_reading(files):
+    """Ranges of 65.535 m where none was measured."""
+    none = files["uwb.csv"].iloc[::7].assign(range=65.535, time=lambda t: t["time"] + 0.01)
+    return {**files, "uwb.csv": pd.concat([files["uwb.csv"], none]).sort_values("time")}
+
+
 def with_units(text):
     """The text with a line of units, in words, below the names of the columns."""
     head, lines = text.split("\n", 1)
@@ -104,6 +125,9 @@ HABITS = {
     "wide": (wide, {}, None),
     "one table": (one_table, {}, None),
     "a column for each": (ranges_each, {}, None),
+    "one export": (one_export, {}, None),
+    "folders": (folders, {}, None),
+    "ranges that mean none": (no_reading, {}, None),
 }
 
 
@@ -117,6 +141,7 @@ def test_the_team_is_read_from_files_as_others_write_them(tmp_path, habit):
     }
     for name, table in change(tables).items():
         path = tmp_path / name
+        path.parent.mkdir(exist_ok=True)
         table.to_csv(path, **({"index": False} | options))
         if rewrite:
             path.write_text(rewrite(path.read_text()))
@@ -125,6 +150,7 @@ def test_the_team_is_read_from_files_as_others_write_them(tmp_path, habit):
     assert inspected.trial.problem == ""
     assert {finding.kind for finding in inspected.findings} <= {"dropped"}
     assert list(log.readings) == ["range"]
+    assert log.readings["range"].values.max() < 60
     for i, one in enumerate(ROBOTS):
         k = log.robots.index(one) if one in log.robots else i
         (t, *u), (_, *pose) = want[one][0].T, want[one][1].T
@@ -158,6 +184,16 @@ def team(tmp_path):
     return write
 
 
+def decimetres(files):
+    """Ranges in cm that look like mm, so that they are a tenth of the distances."""
+    return {
+        **files,
+        "uwb.csv": files["uwb.csv"]
+        .rename(columns={"range": "range_mm"})
+        .assign(range_mm=lambda t: 100 * t["range_mm"]),
+    }
+
+
 def later_ranges(files):
     return {**files, "uwb.csv": files["uwb.csv"].assign(time=lambda t: t["time"] + 5000)}
 
@@ -182,7 +218,11 @@ def delayed(files):
 
 @pytest.mark.parametrize(
     ("change", "kinds", "setting"),
-    [(later_ranges, {"clock"}, "[ranges] clock_offset = -5000"), (frozen, {"stale"}, '[truth] repeats = "stale"')],
+    [
+        (later_ranges, {"clock"}, "[ranges] clock_offset = -5000"),
+        (frozen, {"stale"}, '[truth] repeats = "stale"'),
+        (decimetres, {"unit"}, '[ranges] range: unit = "cm"'),
+    ],
 )
 def test_a_fault_of_the_files_is_found_as_what_it_is(team, change, kinds, setting):
     findings = cl.inspect(team(change)).inspected.findings
