@@ -1,8 +1,9 @@
 """The filter of `filterpy_loop.py` with its two loops, over anchors and over teammates, compiled by numba.
 
 A kernel is written for one row; `guvectorize` runs it for all of them, whatever their layout, without ever mixing two.
-Leave `fastmath` off: it deletes the tests for nan. It is compiled at every start, in seconds: with `cache=True` we saw
-it crash where two processes had filled numba's cache at the same time.
+Leave `fastmath` off: it deletes the tests for nan. Write numbers, not small arrays: they compile in a fifth of the time
+and run faster. It is compiled at every start: with `cache=True` we saw it crash where two processes had filled numba's
+cache at the same time.
 
     cooploc check examples/numba_kernel.py:Compiled
 """
@@ -21,15 +22,18 @@ FAST = {"nopython": True}
 
 
 @numba.njit(error_model="numpy")
-def update(x, P, y, h, R):
-    """Kalman update of one row, in place, by a scalar reading."""
-    g0, g1 = P[0, 0] * h[0] + P[0, 1] * h[1], P[1, 0] * h[0] + P[1, 1] * h[1]
-    S = h[0] * g0 + h[1] * g1 + R
-    x[0] += g0 / S * y
-    x[1] += g1 / S * y
-    P[0, 0] -= g0 * g0 / S
-    P[1, 1] -= g1 * g1 / S
-    P[0, 1] -= g0 * g1 / S
+def update(belief, y, hx, hy, R):
+    """Kalman update of one row, (x, y, P_xx, P_xy, P_yy), by a scalar reading."""
+    x0, x1, a, b, c = belief
+    g0, g1 = a * hx + b * hy, b * hx + c * hy
+    S = hx * g0 + hy * g1 + R
+    return x0 + g0 / S * y, x1 + g1 / S * y, a - g0 * g0 / S, b - g0 * g1 / S, c - g1 * g1 / S
+
+
+@numba.njit(error_model="numpy")
+def write(belief, x, P):
+    """Write the numbers of one row into its arrays."""
+    x[0], x[1], P[0, 0], P[0, 1], P[1, 1] = belief
     P[1, 0] = P[0, 1]
 
 
@@ -40,15 +44,15 @@ def update(x, P, y, h, R):
 )
 def anchored(x, P, rssi, anchors, A, eta, sigma, out_x, out_P):
     """Update by the anchors that were heard, one after the other."""
-    out_x[:], out_P[:] = x, P
-    h = np.empty(2)
+    belief = x[0], x[1], P[0, 0], P[0, 1], P[1, 1]
     for a in range(len(rssi)):
         if not np.isnan(rssi[a]):
-            h[:] = out_x - anchors[a]
-            d2 = h[0] ** 2 + h[1] ** 2
+            dx, dy = belief[0] - anchors[a, 0], belief[1] - anchors[a, 1]
+            d2 = dx * dx + dy * dy
             y = rssi[a] - (A - 5 * eta * np.log10(max(d2, NEAR**2)))
-            h *= -10 * eta / np.log(10) / d2 if d2 > NEAR**2 else 0.0
-            update(out_x, out_P, y, h, sigma**2)
+            slope = -10 * eta / np.log(10) / d2 if d2 > NEAR**2 else 0.0
+            belief = update(belief, y, slope * dx, slope * dy, sigma * sigma)
+    write(belief, out_x, out_P)
 
 
 @numba.guvectorize(
@@ -58,21 +62,22 @@ def anchored(x, P, rssi, anchors, A, eta, sigma, out_x, out_P):
 )
 def fused(x, P, packets, ranges, weights, sigma, out_x, out_P):
     """Covariance intersection with the teammates that were heard, one after the other."""
-    out_x[:], out_P[:] = x, P
-    h, x_w, P_w = np.empty(2), np.empty(2), np.empty((2, 2))
+    best = x[0], x[1], P[0, 0], P[0, 1], P[1, 1]
     for j in range(len(ranges)):
         if np.isnan(ranges[j]) or np.isnan(packets[j, 0]) or ranges[j] < TOO_NEAR_TO_RANGE:
             continue
-        own_x, own_P = out_x.copy(), out_P.copy()
-        h[:] = own_x - packets[j, :2]
-        d = np.sqrt(h[0] ** 2 + h[1] ** 2)
-        h /= max(d, NEAR)
-        spread = packets[j, 2] * h[0] ** 2 + 2 * packets[j, 3] * h[0] * h[1] + packets[j, 5] * h[1] ** 2
-        for w in weights:
-            x_w[:], P_w[:] = own_x, own_P / w
-            update(x_w, P_w, ranges[j] - d, h, sigma**2 + spread / (1 - w))
-            if P_w[0, 0] + P_w[1, 1] < out_P[0, 0] + out_P[1, 1]:
-                out_x[:], out_P[:] = x_w, P_w
+        own = best
+        dx, dy = own[0] - packets[j, 0], own[1] - packets[j, 1]
+        d = np.sqrt(dx * dx + dy * dy)
+        hx, hy = dx / max(d, NEAR), dy / max(d, NEAR)
+        spread = packets[j, 2] * hx * hx + 2 * packets[j, 3] * hx * hy + packets[j, 5] * hy * hy
+        for i in range(len(weights)):
+            w = weights[i]
+            wider = own[0], own[1], own[2] / w, own[3] / w, own[4] / w
+            found = update(wider, ranges[j] - d, hx, hy, sigma * sigma + spread / (1 - w))
+            if found[2] + found[4] < best[2] + best[4]:
+                best = found
+    write(best, out_x, out_P)
 
 
 class State(NamedTuple):
