@@ -7,7 +7,7 @@ from scipy.optimize import least_squares
 
 import cooploc as cl
 
-TICKS = 12
+TICKS = 8
 
 
 @pytest.mark.parametrize("window", [1, 3, 20])
@@ -26,9 +26,9 @@ def test_where_all_is_linear_it_is_the_exact_posterior_for_any_window(window):
 @pytest.mark.slow
 def test_with_the_whole_past_in_its_window_it_is_the_least_squares_of_the_whole_path():
     """Every misfit written down, and minimised by scipy from the truth."""
-    truth, stream = cl.simulate("packet-drop/drop=0.5", trials=3, seed=4, robots=3, ticks=TICKS, prior_sigma=0.3)
+    truth, stream = cl.simulate("packet-drop/drop=0.5", trials=2, seed=4, robots=3, ticks=TICKS, prior_sigma=0.3)
     trace = cl.run({"map": cl.make("map-joint", window=TICKS, iterations=60)}, stream).traces["map"]
-    for trial in range(3):
+    for trial in range(2):
 
         def misfits(x, trial=trial):
             return path_residuals(stream, trial, x.reshape(TICKS, 3, 2))

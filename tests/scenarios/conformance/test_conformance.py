@@ -112,7 +112,9 @@ RANDOM = {"arl", "rssi-pf", "mrsl-rssi", "mrsl-distance", "ctrn", "cmrl", "recip
 
 @pytest.mark.parametrize("name", BUILTIN)
 @pytest.mark.slow
-def test_built_in_estimators_pass(name):
+def test_built_in_estimators_pass(name, request):
+    if name in ("map-joint", "gbp"):  # which take long
+        request.getfixturevalue("short_streams")
     report = check_estimator(make(name), name)
     assert report.passed, report.table()
     if name == "ekf-joint":

@@ -47,7 +47,7 @@ MADE = {
     **{f"bag {kind}": lambda folder, kind=kind: made_bag(folder, kind, seconds=20.0) for kind in KINDS},
 }
 CHANGES = ("whole", "a robot less", "a late robot", "a tenth")
-REAL = [("wifi-rssi", "whole"), ("mrclam6", "whole"), ("mrclam6", "a tenth")]
+REAL = [("wifi-rssi", "whole"), ("mrclam6", "a tenth")]
 REAL += [(f"uwb-tiers/{team}", change) for team in ("two-robots", "four-robots") for change in CHANGES]
 
 
