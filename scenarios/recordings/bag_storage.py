@@ -1,7 +1,7 @@
 """The files of a ROS bag, opened by rosbags (https://gitlab.com/ternaris/rosbags), and the messages that are read.
 
 A bag is a ROS 1 file (.bag), a ROS 2 directory with metadata.yaml, or one of its storage files (.db3, .mcap). A
-directory may also hold several of them, one a robot: they are read as one.
+directory may also hold several of them, parts of one recording or one of each robot: they are read as one.
 
 ROS 1 and ROS 2 give the types that are read the same fields (REP 103: SI units, x forward, y left). A robot that drives
 on a floor needs x, y and heading; z stays, as a radio or a marker sits at some height.
@@ -10,7 +10,7 @@ Source: the message definitions of std_msgs, geometry_msgs, nav_msgs and sensor_
 https://github.com/ros2/common_interfaces.
 """
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
@@ -23,7 +23,9 @@ from rosbags.typesys.store import Typestore
 
 from cooploc.estimators.errors import BadInput
 
+METADATA = "metadata.yaml"
 ENDINGS = (".bag", ".db3", ".mcap")
+EPOCH = 5 * 10**17  # [ns] in 1985: earlier stamps are of no clock of this world
 NO_BAG = "{}: no bag here; it needs files that end with .bag, .db3 or .mcap"
 Message = tuple[str, int, bytes]  # topic, time of receipt [ns], content
 Row = tuple[float, ...]
@@ -46,16 +48,41 @@ def typestore(store: Stores) -> Typestore:
     return get_typestore(store)
 
 
+def is_bag(path: Path) -> bool:
+    """Return whether a path is a bag, by its ending or its metadata; whatever compressed its files, they end so."""
+    return path.suffix.lower() in ENDINGS or (path / METADATA).is_file()
+
+
+def recorded_together(bags: Sequence[Path]) -> bool:
+    """Return whether several intact bags were recorded at the same time, as by each robot of a team.
+
+    Clocks of a simulation begin at zero in each of its runs, and say nothing.
+    """
+    spans = []
+    for bag in bags if len(bags) > 1 else ():
+        try:
+            with AnyReader([bag], default_typestore=typestore(Stores.ROS2_HUMBLE)) as reader:
+                spans.append((reader.start_time, reader.end_time))
+        except Exception:  # rosbags raises whatever its parsers raise
+            return False
+    return bool(spans) and EPOCH < max(begin for begin, _ in spans) < min(end for _, end in spans)
+
+
 def bag_paths(path: Path) -> list[Path]:
-    """Return the bags at a path: itself, or those in a directory."""
+    """Return the bags at a path: itself, or those in a directory, or else in its directories."""
     if not path.exists():
         raise BadInput(f"{path}: there is no such file or directory; name a bag (.bag, .db3, .mcap or its directory)")
-    if path.is_file() or (path / "metadata.yaml").exists():
+    if path.is_file() or is_bag(path):
         return [path]
-    found = sorted(p for p in path.iterdir() if p.suffix in ENDINGS or (p / "metadata.yaml").exists())
+    inside = sorted(path.iterdir())
+    found = [p for p in inside if is_bag(p)] or [p for folder in inside if folder.is_dir() for p in _bags_in(folder)]
     if not found:
         raise BadInput(NO_BAG.format(path))
     return found
+
+
+def _bags_in(folder: Path) -> list[Path]:
+    return sorted(p for p in folder.iterdir() if is_bag(p))
 
 
 def storage_files(bag: Path) -> list[Path]:

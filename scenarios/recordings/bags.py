@@ -5,7 +5,8 @@ has the unit that the description says. What a camera saw (`[sightings]`) is a p
 and y left, or a geometry_msgs/PoseArray in the camera's, z forward and x right, with one detection in a message.
 """
 
-from collections.abc import Collection, Iterator, Sequence
+import re
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from itertools import product
 from pathlib import Path
 from typing import NamedTuple
@@ -14,12 +15,12 @@ import numpy as np
 
 from cooploc.estimators.errors import BadInput, nearest
 from cooploc.estimators.interface import Array
-from cooploc.scenarios.recordings import bag_storage, schema, team_log
+from cooploc.scenarios.recordings import bag_storage, csv_files, schema, team_log
 from cooploc.scenarios.recordings.bag_storage import KINDS, POSE, TWIST, Bag, Row
 from cooploc.scenarios.recordings.schema import UNITS, TeamDescription
 from cooploc.scenarios.recordings.sqlite_recovery import recover
 from cooploc.scenarios.recordings.team_log import Kind, Measured, Series, TeamLog, order_series, reading_tables
-from cooploc.scenarios.recordings.text_files import LARGEST
+from cooploc.scenarios.recordings.text_files import LARGEST, TEXT_ENDINGS
 
 LATEST = 2**62  # [ns] in the year 2116: later times of receipt are damaged
 
@@ -31,6 +32,7 @@ class Topic(NamedTuple):
     received: list[int]  # [ns]
     stamps: list[int | None]  # [ns] of the headers; empty unless the topic was asked for
     rows: list[list[Row]]  # of each message; empty unless the topic was asked for
+    hashes: set[int]  # of messages, by which two recordings of one topic are known
 
 
 Content = tuple[dict[str, Topic], list[str]]  # topics by name, and warnings
@@ -38,18 +40,63 @@ Content = tuple[dict[str, Topic], list[str]]  # topics by name, and warnings
 
 def read_content(path: Path, wanted: Collection[str] | None) -> Content:
     """Read all messages of the topics in `wanted`; or of all topics (None) only when they were received."""
+    bags = bag_storage.bag_paths(path)
+    together = {bag: _prefix(bag) for bag in bags} if bag_storage.recorded_together(bags) else {}
+    if wanted is not None:
+        wanted = {*wanted, *(name.removeprefix(own) for own in together.values() for name in wanted)}
+    contents, warnings = list[dict[str, Topic]](), list[str]()
+    for bag in bags:
+        parts = _parts(bag, wanted)
+        contents.append(_merge(path, [found for found, _ in parts]))
+        warnings += [line for _, told in parts for line in told]
+    contents = _name_apart([*together.values()], contents) if together else contents
+    return _merge(path, contents), list(dict.fromkeys(warnings))
+
+
+def _prefix(bag: Path) -> str:
+    """Return the name of a bag without its ending, as the first part of a topic's name."""
+    return "/" + re.sub(r"[^\w.-]+", "_", bag.stem if bag.is_file() else bag.name)
+
+
+def _merge(path: Path, contents: Sequence[Mapping[str, Topic]]) -> dict[str, Topic]:
+    """Merge the topics of bags, or of parts of one."""
     topics: dict[str, Topic] = {}
-    warnings: list[str] = []
-    for found, told in (part for bag in bag_storage.bag_paths(path) for part in _parts(bag, wanted)):
-        warnings += told
-        for name, topic in found.items():
-            known = topics.setdefault(name, Topic(topic.type, [], [], []))
-            if known.type != topic.type:
-                raise BadInput(f"{path}: topic {name} has type {known.type} in one bag and {topic.type} in another")
-            known.received.extend(topic.received)
-            known.stamps.extend(topic.stamps)
-            known.rows.extend(topic.rows)
-    return topics, list(dict.fromkeys(warnings))
+    for name, topic in (item for content in contents for item in content.items()):
+        known = topics.setdefault(name, Topic(topic.type, [], [], [], set()))
+        if known.type != topic.type:
+            raise BadInput(f"{path}: topic {name} has type {known.type} in one bag and {topic.type} in another")
+        known.received.extend(topic.received)
+        known.stamps.extend(topic.stamps)
+        known.rows.extend(topic.rows)
+        known.hashes.update(topic.hashes)
+    return topics
+
+
+def _name_apart(owns: Sequence[str], contents: Sequence[Mapping[str, Topic]]) -> list[dict[str, Topic]]:
+    """Return the topics of bags that robots recorded at the same time, those that several share named after the bags.
+
+    /odom in red.bag and in blue.bag is /red/odom and /blue/odom. Of one topic that was recorded several times, as the
+    truth may be by each robot, the longest recording stays.
+    """
+    named: list[dict[str, Topic]] = [{} for _ in contents]
+    for name in dict.fromkeys(name for content in contents for name in content):
+        holders = [k for k, content in enumerate(contents) if name in content]
+        heard = [k for k in holders if contents[k][name].type in KINDS and contents[k][name].received]
+        if len(heard) > 1:
+            least, most = (f(heard, key=lambda k: len(contents[k][name].received)) for f in (min, max))
+            a, b = (
+                contents[least][name].hashes,
+                set[int]().union(*(contents[k][name].hashes for k in heard if k != least)),
+            )
+            if len(a & b) > len(a) / 2:
+                named[most][name] = contents[most][name]
+            else:
+                for k in heard:
+                    named[k][owns[k] + name] = contents[k][name]
+        else:
+            for k in holders:
+                named[k][name] = contents[k][name]
+    return named
 
 
 def _parts(bag: Path, wanted: Collection[str] | None) -> list[Content]:
@@ -76,7 +123,7 @@ def _parts(bag: Path, wanted: Collection[str] | None) -> list[Content]:
 
 def _collect(bag: Bag, wanted: Collection[str] | None) -> Content:
     """Return the messages of a bag: of all topics, or those that are wanted and of a type that is read."""
-    topics = {name: Topic(kind, [], [], []) for name, kind in bag.types.items()}
+    topics = {name: Topic(kind, [], [], [], set()) for name, kind in bag.types.items()}
     names = [name for name, kind in bag.types.items() if wanted is None or (name in wanted and kind in KINDS)]
     unreadable = dict.fromkeys(names, 0)
     for name, time, raw in bag.messages(names):
@@ -90,6 +137,7 @@ def _collect(bag: Bag, wanted: Collection[str] | None) -> Content:
                 topic.stamps.append(stamp)
                 topic.rows.append(rows)
             topic.received.append(time)
+            topic.hashes.add(hash(raw))
         except Exception:  # whatever rosbags raises on a damaged message, or one of a type it does not know
             unreadable[name] += 1
     for name in names:
@@ -206,21 +254,29 @@ def _series(path: Path, name: str, topic: Topic, shift: int, warnings: list[str]
 ODOMETRY = {"velocity": TWIST, "pose": (POSE[0], POSE[1], POSE[3])}
 
 
-def find_runs(data: Path, description: TeamDescription) -> dict[str, Path]:
+def find_runs(data: Path, _: TeamDescription | None = None) -> dict[str, Path]:
     """Return the runs in a directory: itself, if it is a ROS 2 bag, else each bag in it, and each directory of bags.
 
-    A directory of bags is one run, which was recorded in parts or by each robot.
+    A directory of bags is one run, which was recorded in parts or by each robot; so are bags of the same time.
     """
-    if (data / "metadata.yaml").exists():
+    inside = sorted(data.iterdir())
+    if bag_storage.is_bag(data) or bag_storage.recorded_together([path for path in inside if bag_storage.is_bag(path)]):
         return {data.resolve().name: data}
     found: dict[str, Path] = {}
-    for path in sorted(data.iterdir()):
-        holds = path.is_dir() and any(inside.suffix in bag_storage.ENDINGS for inside in path.rglob("*"))
-        if holds or (path.is_file() and path.suffix in bag_storage.ENDINGS):
-            found[path.name if holds or path.stem in found else path.stem] = path
+    for path in inside:
+        if path.is_file() and bag_storage.is_bag(path):
+            found[path.name if path.stem in found else path.stem] = path
+        elif path.is_dir() and any(map(bag_storage.is_bag, (path, *path.rglob("*")))):
+            found[path.name] = path
     if not found:
         raise BadInput(f"{data}: no bag here; it needs files that end with {', '.join(bag_storage.ENDINGS)}")
     return found
+
+
+def text_folder(run: Path) -> Path:
+    """Return the directory of the text files beside the bags of a run: its own, if there are some, else that above."""
+    has_text = run.is_dir() and any(path.suffix.lower() in TEXT_ENDINGS for path in run.rglob("*"))
+    return run if has_text else run.parent
 
 
 def topics_of(source: schema.Source, robots: Sequence[str], others: Sequence[str]) -> Iterator[tuple[str, str, str]]:
@@ -263,16 +319,19 @@ def read_run(place: Path, name: str, description: TeamDescription) -> TeamLog:
     """Read one run; BadInput where a topic is of another type than its table needs."""
     d = description
     moves = d.moves
-    if moves.kind not in ODOMETRY:
+    if moves.kind not in ODOMETRY and not moves.in_files:
         raise BadInput(f"{place}: a bag has odometry of kind {' or '.join(ODOMETRY)}, not {moves.kind!r}; correct kind")
     of = [(kind, table, (*d.robots, *fixed.names)) for kind, tables, fixed in reading_tables(d) for table in tables]
-    motion: list[tuple[str, schema.Source, tuple[str, ...]]] = [("odometry", moves, ODOMETRY[moves.kind])]
+    motion: list[tuple[str, schema.Source, tuple[str, ...]]] = [("odometry", moves, ODOMETRY.get(moves.kind, ()))]
     motion += [("truth", d.truth, ODOMETRY["pose"])] if d.truth else []
     sources: list[tuple[schema.Source, Sequence[str]]] = [(table, ()) for _, table, _ in motion]
     sources += [(table, others) for _, table, others in of]
     wanted = {topic for source, others in sources for topic, _, _ in topics_of(source, d.robots, others)}
     found, warnings = read_topics(place, wanted, all_there=False)
+    files = csv_files.RunFiles(text_folder(place), name, d, warnings)
     series: dict[str, dict[str, Series]] = {"odometry": {}, "truth": {}}
+    for named, text in (("odometry", d.odometry), ("truth", d.truth)):
+        series[named] |= csv_files.read_motion(files, text) if text and text.in_files else {}
     for named, table, columns in motion:
         for topic, robot, _ in topics_of(table, d.robots, ()):
             if topic in found and len(found[topic].time):
@@ -284,6 +343,9 @@ def read_run(place: Path, name: str, description: TeamDescription) -> TeamLog:
                 warnings += notes
     readings: dict[Kind, list[Measured]] = {}
     for kind, readings_table, others in of:
+        if readings_table.in_files:
+            readings.setdefault(kind, []).extend(csv_files.read_measurements(files, readings_table, others))
+            continue
         there = [each for each in topics_of(readings_table, d.robots, others) if each[0] in found]
         for topic, robot, other in there:
             if not other and len(d.robots) != 2:

@@ -11,7 +11,14 @@ import numpy as np
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array
 from cooploc.scenarios.recordings import schema
-from cooploc.scenarios.recordings.schema import LogColumn, ReadingColumns, Source, TeamDescription
+from cooploc.scenarios.recordings.schema import (
+    GroundTruth,
+    LogColumn,
+    Odometry,
+    ReadingColumns,
+    Source,
+    TeamDescription,
+)
 from cooploc.scenarios.recordings.team_log import (
     Measured,
     Series,
@@ -65,10 +72,9 @@ def read_run(place: Path, name: str, description: TeamDescription) -> TeamLog:
             raise BadInput(f"{rows.path}: no line has a true position; check the columns named in [truth]")
         run = run._replace(zero=np.asarray(rows.stamp[known[0]], float))
         zero = float((run.zero * np.array([column.factor for column in moves.time])).sum())
-    odometry = _by_robot(run, moves, [getattr(moves, column) for column in schema.COLUMNS[moves.kind]])
-    truth = _by_robot(run, poses, [poses.x, poses.y, poses.heading]) if poses else {}
+    odometry, truth = read_motion(run, moves), read_motion(run, poses) if poses else {}
     readings = {
-        kind: [m for table in tables for m in _measurements(run, table, (*d.robots, *fixed.names))]
+        kind: [m for table in tables for m in read_measurements(run, table, (*d.robots, *fixed.names))]
         for kind, tables, fixed in reading_tables(d)
     }
     warnings = list(dict.fromkeys(run.warnings))  # several tables may be in one file
@@ -137,8 +143,10 @@ def _heading(*xyzw: Array) -> Array:
     return np.asarray(np.arctan2(2 * (w * z + x * y), w**2 + x**2 - y**2 - z**2))
 
 
-def _by_robot(run: RunFiles, table: Source, columns: Sequence[LogColumn | None]) -> Mapping[str, Series]:
-    """Return the series of each robot, from the first file that has lines of it."""
+def read_motion(run: RunFiles, table: Odometry | GroundTruth) -> Mapping[str, Series]:
+    """Return the odometry or the truth of each robot, from the first file that has lines of it."""
+    names = schema.COLUMNS[table.kind if isinstance(table, Odometry) else "pose"]
+    columns = [getattr(table, name) for name in names]
     found: dict[str, Series] = {}
     strangers = set[str]()
     for rows in rows_of(run, table, columns, ()):
@@ -154,7 +162,8 @@ def _by_robot(run: RunFiles, table: Source, columns: Sequence[LogColumn | None])
     return found
 
 
-def _measurements(run: RunFiles, table: ReadingColumns, names: Sequence[str]) -> Iterator[Measured]:
+def read_measurements(run: RunFiles, table: ReadingColumns, names: Sequence[str]) -> Iterator[Measured]:
+    """Yield the measurements in each file of a table, of things by these names."""
     each: Mapping[str, LogColumn] = getattr(table, "each", {})  # the column of each thing that is measured
     columns = list(each.values()) or [getattr(table, name) for name in table.columns]
     for rows in rows_of(run, table, columns, names):

@@ -24,7 +24,9 @@ file is in SI units, else `{column = "x", unit = "mm"}`:
 One file may hold all robots, with columns of each: `x = "{robot}_x"`. A heading may be a quaternion, of x, y, z and w
 or of z and w: `heading = { quaternion = ["qx", "qy", "qz", "qw"] }`. Dates are seconds since 1970.
 
-In a bag there are topics instead: `topic = "/{robot}/odom"`, `topic = "/uwb/{robot}/{other}/distance"`.
+In a bag there are topics instead: `topic = "/{robot}/odom"`, `topic = "/uwb/{robot}/{other}/distance"`. Beside it a
+table may still name CSV files, such as those of the truth. Of bags that robots recorded at the same time, in one
+directory, /odom in red.bag is /red/odom.
 
 The runs of one robot may be a file each, `file = "{run}.csv"`; `wifi.log.toml` is a commented example.
 """
@@ -382,11 +384,9 @@ class TeamDescription(Strict):
         if self.odometry is None:
             raise ValueError(f"[odometry] is missing; {EXAMPLE}")
         for source in sources:
-            if source.in_files != (self.format == "csv"):
-                raise ValueError(
-                    f'format = "{self.format}" takes {"file" if self.format == "csv" else "topic"} = "..."'
-                )
-            if self.format == "csv" and len(self.robots) > 1 and not (source.robot or source.names_robot):
+            if self.format == "csv" and not source.in_files:
+                raise ValueError('format = "csv" takes file = "..."')
+            if source.in_files and len(self.robots) > 1 and not (source.robot or source.names_robot):
                 raise ValueError('whose lines are they: file = "..._{robot}.csv", or robot = "the column of names"')
         return self
 

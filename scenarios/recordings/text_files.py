@@ -22,6 +22,7 @@ from cooploc.estimators import nearest
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Indices
 
+TEXT_ENDINGS = (".csv", ".txt", ".tsv", ".dat", ".log", ".tum")
 LARGEST = 1e30  # of a number in a recording; stamps in ns have nineteen digits
 MAX_STEP_BACK = 0.5  # [s] stamps that step back by less (MRCLAM 9: by 0.1 s) are sorted; by more, lines are left out
 LEAST_LEFT = 0.1  # share of the lines of a file that must be readable

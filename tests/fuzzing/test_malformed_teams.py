@@ -14,7 +14,7 @@ SHORT = DESCRIPTION.replace("seconds = 60.0", "seconds = 4.0")
 # What is replaced in log.toml, by what, and a part of what is said.
 IN_TOML = [
     ('format = "csv"', 'format = "cvs"', "log.toml: format"),
-    ('format = "csv"', 'format = "bag"', 'takes topic = "..."'),
+    ('format = "csv"', 'format = "bag"', "no bag here"),
     ('format = "csv"', 'format = "pyfg"', "says itself where everything is"),
     ('robots = ["red", "blue"]', "", "robots is missing"),
     ('robots = ["red", "blue"]', 'robots = ["husky 1", "blue"]', "'husky 1' cannot be a name here: it has a blank"),

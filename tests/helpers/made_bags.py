@@ -2,7 +2,7 @@
 
 import numpy as np
 from rosbags.rosbag1 import Writer as Writer1
-from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 
@@ -27,19 +27,25 @@ TOPICS = {
 }
 
 
-def made_bag(folder, kind, seconds=2.0, behind=0, start=START):
-    """Path of a bag, and what it holds: topic -> stamps [s] and rows. The headers' clock is `behind` by so many s."""
+def made_bag(folder, kind, seconds=2.0, behind=0, start=START, name="team", names=None, compressed=False):
+    """Path of a bag, and what it holds: topic -> stamps [s] and rows. The headers' clock is `behind` by so many s.
+
+    `names`: the topics that it has, by their names in TOPICS, and what they are called.
+    """
     store, truth = (ROS1 if kind == "ros1" else ROS2), {}
-    path = folder / ("team.bag" if kind == "ros1" else "team")
+    path, names = folder / (f"{name}.bag" if kind == "ros1" else name), names or {topic: topic for topic in TOPICS}
     if kind == "ros1":
         writer = Writer1(path)
     else:
         plugin = StoragePlugin.MCAP if kind == "mcap" else StoragePlugin.SQLITE3
         writer = Writer2(path, version=9, storage_plugin=plugin)
+    if compressed:
+        writer.set_compression(CompressionMode.FILE, CompressionFormat.ZSTD)
     with writer:
-        connections = {topic: writer.add_connection(topic, name, typestore=store) for topic, name in TOPICS.items()}
+        topics = {topic: name for topic, name in TOPICS.items() if topic in names}
+        connections = {t: writer.add_connection(names[t], name, typestore=store) for t, name in topics.items()}
         for k in range(int(seconds * RATE)):
-            for topic, name in TOPICS.items():
+            for topic, name in topics.items():
                 t = round(k * 1e9 / RATE)
                 message, added = _message(store, start * 10**9 + t - behind * 10**9, topic, k)
                 serialize = store.serialize_ros1 if kind == "ros1" else store.serialize_cdr

@@ -9,40 +9,46 @@ from pathlib import Path
 import numpy as np
 
 from cooploc.estimators.errors import BadInput
-from cooploc.scenarios.recordings.bags import TopicSeries, read_topics, topics
+from cooploc.scenarios.recordings.bag_storage import is_bag
+from cooploc.scenarios.recordings.bags import TopicSeries, find_runs, read_topics, text_folder, topics
+from cooploc.scenarios.recordings.inspect.csv_draft import tables_beside_bag
 from cooploc.scenarios.recordings.inspect.draft_toml import Draft, DraftTable, Entry
-from cooploc.scenarios.recordings.inspect.naming import ODOMETRY, name_meaning, pairs_of_robots, words_of
+from cooploc.scenarios.recordings.inspect.naming import ODOMETRY, TRUTH, name_meaning, pairs_of_robots, words_of
 from cooploc.scenarios.recordings.radio_nodes import NodeRanges, assign
 from cooploc.scenarios.recordings.team_log import Series
+from cooploc.scenarios.recordings.text_files import TEXT_ENDINGS
 
-BAGS = (".db3", ".mcap", ".bag")
 NUMBERS = ("sensor_msgs/msg/Range", "std_msgs/msg/Float32", "std_msgs/msg/Float64")
+STATES = TRUTH - {"ground", "pos", "cap"}  # words by which a topic of Odometry is the truth, as of a simulator
+NO_MEASUREMENTS = ("std_msgs", "rcl_interfaces", "rosgraph_msgs", "diagnostic_msgs", "tf2_msgs", "visualization_msgs")
 SURE = 2.0  # times the misfit of the best assignment of radios that the next best must have
 
 
 def bag_draft(path: Path) -> Draft:
     """Return the draft for a bag: odometry by its type, truth by other poses, ranges by two nodes in a topic's name."""
-    bags = sorted({p.parent for p in path.rglob("*") if p.suffix.lower() in BAGS}) if path.is_dir() else []
-    each = [{topic.name for topic in topics(bag)[0]} for bag in bags] if len(bags) > 1 else []
-    found = [t for t in topics(path)[0] if t.messages > 1 and t.columns and all(t.name in names for names in each)]
-    wheels = _by_robot([t.name for t in found if t.type.endswith("/Odometry")])
+    runs = list(find_runs(path).values()) if path.is_dir() else [path]
+    whole = path if all(map(is_bag, runs)) else runs[0]
+    every, each = topics(whole)[0], [{t.name for t in topics(run)[0]} for run in runs] if len(runs) > 1 else []
+    found = [t for t in every if t.messages > 1 and t.columns and all(t.name in names for names in each)]
+    states = {t.name for t in found if STATES & {*words_of(t.name)}}
+    wheels = _by_robot([t.name for t in found if t.type.endswith("/Odometry") and t.name not in states])
     poses = [
         t.name
         for t in found
         if "x [m]" in t.columns and t.name not in wheels.values() and "PoseArray" not in t.type
-        if not ODOMETRY & {*words_of(t.name)}
+        if t.name in states or not ODOMETRY & {*words_of(t.name)}
     ]
     truth = {robot: name for robot in wheels if (name := next((p for p in poses if _is_about(p, robot)), ""))}
-    if not truth and each:
-        inspect_each = "; ".join(f"cooploc inspect {bag}" for bag in bags)
-        raise BadInput(f"{path}: the topics of its {len(bags)} bags differ; inspect each: {inspect_each}")
+    if not wheels and each:
+        inspect_each = "; ".join(f"cooploc inspect {run}" for run in runs)
+        raise BadInput(f"{path}: the topics of its {len(runs)} bags differ; inspect each: {inspect_each}")
     if not wheels:
         names = ", ".join(t.name for t in found)[:300]
         raise BadInput(f"{path}: no robot has odometry (nav_msgs/Odometry); topics: {names}")
     wheels = {robot: wheels[robot] for robot in truth or wheels}
     named = pairs_of_robots([t.name for t in found if t.type in NUMBERS], list(wheels))
     ranges = {p: t.name for t in found if t.type in NUMBERS and t.name not in named and (p := _pair(t.name))}
-    series = read_topics(path, [*wheels.values(), *truth.values(), *ranges.values()])[0]
+    series = read_topics(whole, [*wheels.values(), *truth.values(), *ranges.values()])[0]
     why = "a pose under the name or number of a robot that is not odometry"
     tables = [_odometry(wheels, series)]
     tables += [DraftTable("truth", (_topics(truth, why),))] if truth else []
@@ -51,6 +57,12 @@ def bag_draft(path: Path) -> Draft:
     for pattern in dict.fromkeys(named.values()):
         entry = Entry("topic", pattern, "topics with the names of two robots", "likely")
         tables.append(DraftTable(f"{name_meaning(pattern)[0]}s".replace("rssis", "rssi"), (entry,)))
+    home = text_folder(runs[0])
+    texts = sorted(p for p in (home.rglob("*") if path.is_dir() and home.is_relative_to(path) else home.glob("*")))
+    texts = [p for p in texts if p.is_file() and p.suffix.lower() in TEXT_ENDINGS]
+    beside = tables_beside_bag(home, texts, list(wheels), {table.name for table in tables})
+    tables += beside.tables
+    has_truth = "truth" in {table.name for table in tables}
     entries = (
         Entry("format", "bag", "a ROS bag"),
         Entry(
@@ -59,12 +71,17 @@ def bag_draft(path: Path) -> Draft:
     )
     used = dict.fromkeys(wheels.values(), "odometry") | dict.fromkeys(truth.values(), "truth")
     used |= dict.fromkeys(ranges.values(), "range") | {t: name_meaning(p)[0] for t, p in named.items()}
-    columns, unused = [], [] if truth else ["truth, as no pose has the name or number of a robot with odometry"]
+    columns, unused = [*beside.columns], [*beside.unused]
+    if not has_truth:
+        unused.append("truth, as no pose has the name or number of a robot with odometry, nor a text file beside")
     for t in found:
         form, rate = t.type.rpartition("/")[2], f"{t.messages} messages, {t.rate:.3g} Hz, {t.last - t.first:.3g} s"
         columns.append((t.name, form, used.get(t.name, "not used"), rate))
         if t.name not in used:
             unused.append(f"{t.name} ({form}, {t.messages})")
+    if unread := [f"{t.name} ({t.type})" for t in every if not t.columns and not t.type.startswith(NO_MEASUREMENTS)]:
+        some = ", ".join(unread[:5]) + f" and {len(unread) - 5} more" * (len(unread) > 5)
+        unused.append(f"topics of types that are not read: {some}; what they measured may be in CSV files beside")
     return Draft(entries, tuple(tables), tuple(columns), tuple(unused))
 
 

@@ -8,7 +8,7 @@ import csv
 import re
 import statistics
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
 from reprlib import repr as short_repr
@@ -22,9 +22,15 @@ from cooploc.scenarios.recordings.inspect import naming
 from cooploc.scenarios.recordings.inspect.checks import Finding
 from cooploc.scenarios.recordings.inspect.draft_toml import Draft, DraftTable, Entry
 from cooploc.scenarios.recordings.schema import COLUMNS, UNITS
-from cooploc.scenarios.recordings.text_files import COMMENTS, LEAST_LEFT, parse_field, read_text, split_fields
+from cooploc.scenarios.recordings.text_files import (
+    COMMENTS,
+    LEAST_LEFT,
+    TEXT_ENDINGS,
+    parse_field,
+    read_text,
+    split_fields,
+)
 
-ENDINGS = (".csv", ".txt", ".tsv", ".dat", ".log", ".tum")
 DELIMITERS = (";", ",", "\t", "|", " ")
 REMEDY = "name the files odom_NAME.csv and truth_NAME.csv, or write log.toml by hand (docs/how-to/robots.md)"
 READINGS = {"sightings": ("range", "bearing"), "ranges": ("range",), "rssi": ("rssi",)}  # table -> its columns
@@ -111,7 +117,7 @@ def _read_files(paths: Iterable[Path], folder: Path, data: Path) -> tuple[list[C
 
 
 def _text_files(folder: Path) -> list[Path]:
-    return sorted(p for p in folder.rglob("*") if p.is_file() and p.suffix.lower() in ENDINGS)
+    return sorted(p for p in folder.rglob("*") if p.is_file() and p.suffix.lower() in TEXT_ENDINGS)
 
 
 # --- Values
@@ -502,13 +508,34 @@ def _draft_run(folder: Path, data: Path) -> tuple[Draft, tuple[str, ...]]:
             raise BadInput(f"{folder}: {table}; or {REMEDY}")
         else:
             unused.append(table)
-    columns = []
     for file in files:
-        for g in file.guesses:
-            columns.append((file.name, g.column, (g.quantity or "not known") + f" [{g.unit}]" * bool(g.unit), g.reason))
         if unknown := [g.column for g in file.guesses if g.column and not g.quantity and g.reason != PART]:
             unused.append(f"{file.name}: columns {', '.join(unknown)}")
-    return Draft(tuple(entries), tuple(tables.values()), tuple(columns), tuple(unused), doubts), robots
+    return Draft(tuple(entries), tuple(tables.values()), _column_rows(files), tuple(unused), doubts), robots
+
+
+def tables_beside_bag(folder: Path, paths: Sequence[Path], robots: Sequence[str], there: Collection[str]) -> Draft:
+    """Return the draft of what a bag lacks: the tables in text files, but for those that are `there`."""
+    files, unused = _read_files(paths, folder, folder)
+    parts = _merge_parts([part for file in files for part in _parts(file)], unused)
+    fixed = [name for part in parts if part.table in ("anchors", "landmarks") for name in _places_of(part)]
+    files = [_name_readings(file, robots, fixed) for file in files]
+    drafted = [
+        _draft_table(part, tuple(robots), fixed, False, ",")
+        for part in _merge_parts([part for file in files for part in _parts(file)], [])
+        if part.table not in ("odometry", *there)
+    ]
+    tables = tuple(table for table in drafted if isinstance(table, DraftTable))
+    return Draft((), tables, _column_rows(files), (*unused, *(line for line in drafted if isinstance(line, str))))
+
+
+def _column_rows(files: Sequence[CsvTable]) -> tuple[tuple[str, str, str, str], ...]:
+    """Return a row for each column: its file, its name, its probable meaning, and the reason."""
+    return tuple(
+        (file.name, g.column, (g.quantity or "not known") + f" [{g.unit}]" * bool(g.unit), g.reason)
+        for file in files
+        for g in file.guesses
+    )
 
 
 def _draft_table(

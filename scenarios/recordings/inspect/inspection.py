@@ -7,14 +7,15 @@ import numpy as np
 
 from cooploc.estimators.errors import BadInput, nearest
 from cooploc.estimators.interface import Array
-from cooploc.scenarios.recordings import mrclam, schema
+from cooploc.scenarios.recordings import bag_storage, mrclam, schema
 from cooploc.scenarios.recordings.inspect import draft_toml
-from cooploc.scenarios.recordings.inspect.bag_draft import BAGS, bag_draft
+from cooploc.scenarios.recordings.inspect.bag_draft import bag_draft
 from cooploc.scenarios.recordings.inspect.checks import GAP, Finding, check_recording
-from cooploc.scenarios.recordings.inspect.csv_draft import ENDINGS, csv_draft
+from cooploc.scenarios.recordings.inspect.csv_draft import csv_draft
 from cooploc.scenarios.recordings.inspect.draft_toml import Draft, Entry, common_span
 from cooploc.scenarios.recordings.scenario import NO_ORDER, TeamScenario, reader
 from cooploc.scenarios.recordings.team_log import TeamLog, other_names
+from cooploc.scenarios.recordings.text_files import TEXT_ENDINGS
 
 NOT_FALLING, NO_RSSI = "does not fall with distance", "[rssi] is left out of log.toml"
 TOO_LITTLE = "too little for"  # in the problem of a recording that is too short to be fitted
@@ -116,17 +117,18 @@ def recognize(path: Path) -> tuple[str, str]:
     """Return the format of a recording without a log.toml, as it is called there, and the reason."""
     if not path.exists():
         raise BadInput(f"{path}: there is no such file or directory; name one with a recording")
-    if path.is_file() and path.suffix.lower() in ENDINGS:
+    if path.is_file() and path.suffix.lower() in TEXT_ENDINGS:
         raise BadInput(f"{path}: this is one file; name the directory with the files of all robots, odometry and truth")
     files = [path] if path.is_file() else sorted(p for p in path.rglob("*") if p.is_file())
     ending = {p.suffix.lower(): p.name for p in reversed(files)}
-    if bag := next((ending[e] for e in BAGS if e in ending), ""):
-        return "bag", f"{bag} is a bag"
+    bags = [p.name for p in files if bag_storage.is_bag(p)]
+    if bags := bags or [f"{p.resolve().parent.name}, with {p.name}," for p in files if p.name == bag_storage.METADATA]:
+        return "bag", f"{bags[0]} is a bag"
     if graph := ending.get(".pyfg") or ending.get(".fg"):
         return "pyfg", f"{graph} is a factor graph"
     if of_mrclam := next((p.name for p in files if mrclam.NAME.fullmatch(p.name)), ""):
         return "mrclam", f"{of_mrclam} is of MRCLAM"
-    if ending.keys() & {*ENDINGS}:
+    if ending.keys() & {*TEXT_ENDINGS}:
         return "csv", "text files with columns"
     here = f" ({files[0].name} is none; save what is in it as CSV)" if files else ""
     raise BadInput(f"{path}: there is no CSV file, bag, PyFG file or MRCLAM text in it{here}; name another directory")

@@ -16,7 +16,7 @@ QUANTITY, SIDE, UNIT, OTHERS, REMEDY = (
 )
 QUANTITY_OF_PAIR = {pair: quantity for quantity, of in _WORDS["pairs"].items() for pair in of}
 AXES = {"turn_rate": (["x"], ["y"]), "speed": (["y"], ["z"])}  # of a robot on a floor, about or along which it is not
-ODOMETRY = {word for word, side in SIDE.items() if side == "odometry"}
+ODOMETRY, TRUTH = ({word for word, of in SIDE.items() if of == side} for side in ("odometry", "truth"))
 # The units of quantities in log.toml; all others are lengths in m.
 SI = {"time": "s", "sec": "s", "nsec": "ns", "rssi": "dBm", "heading": "rad", "bearing": "rad"}
 RATES = {"turn_rate": "rad/s", "speed": "m/s"}

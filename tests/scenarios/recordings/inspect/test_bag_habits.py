@@ -1,0 +1,130 @@
+"""Habits of people who record bags: a bag for each robot, the truth in text files, a simulator's, files compressed."""
+
+import numpy as np
+import pytest
+from made_bags import ROS2, START, made_bag
+from rosbags.rosbag2 import Writer
+
+from cooploc.scenarios.recordings.bags import find_runs
+from cooploc.scenarios.recordings.inspect.bag_draft import bag_draft
+from cooploc.scenarios.recordings.inspect.inspection import inspect_recording
+
+SECONDS = 30.0
+MOCAP = {"/mocap/red": "/mocap/red", "/mocap/blue": "/mocap/blue"}
+
+
+def write_truth(folder, name, separator=","):
+    """The circles of `made_bag` as text, of each robot: with names of columns, or as TUM has them, without."""
+    folder.mkdir(exist_ok=True)
+    for robot, side in (("red", 0.0), ("blue", np.pi)):
+        t = np.arange(0, SECONDS, 0.1)
+        angle, zero = 0.1 * t + side, np.zeros(len(t))
+        half = (angle + np.pi / 2 - 2 * side) / 2
+        columns = [START + t, 2 * np.cos(angle), 2 * np.sin(angle), zero, zero, zero, np.sin(half), np.cos(half)]
+        head = "time,x,y,z,qx,qy,qz,qw" if separator == "," else ""
+        np.savetxt(folder / name.format(robot), np.array(columns).T, "%.6f", separator, header=head, comments="")
+
+
+def each_robot(folder, kind, topic, more=None):
+    for robot in ("red", "blue"):
+        made_bag(folder, kind, SECONDS, name=robot, names={f"/{robot}/odom": topic.format(robot), **(more or {})})
+
+
+def own_names(folder):
+    each_robot(folder, "ros1", "/{}/odom")
+    write_truth(folder, "gt_{}.txt", " ")
+
+
+def same_names(folder):
+    each_robot(folder, "ros1", "/odom")
+    write_truth(folder, "{}_groundtruth.csv")
+
+
+def truth_heard_by_each(folder):
+    each_robot(folder, "sqlite3", "/odom", {**MOCAP, "/uwb/red/blue": "/uwb/red/blue"})
+
+
+def truth_in_a_bag_of_its_own(folder):
+    each_robot(folder, "ros1", "/{}/odom")
+    made_bag(folder, "ros1", SECONDS, name="mocap", names=MOCAP)
+
+
+def truth_in_a_folder_beside_one_bag(folder):
+    made_bag(folder, "mcap", SECONDS, names={f"/{robot}/odom": f"/{robot}/odom" for robot in ("red", "blue")})
+    write_truth(folder / "gt", "{}.csv")
+
+
+def truth_of_a_simulator(folder):
+    """Both are Odometry; the truth's name comes first in the alphabet."""
+    for robot in ("red", "blue"):
+        for topic in (f"/{robot}/ground_truth/state", f"/{robot}/odom"):
+            named = "odom" if topic.endswith("odom") else "truth"
+            made_bag(folder, "ros1", SECONDS, name=f"{robot}_{named}", names={f"/{robot}/odom": topic})
+
+
+HABITS = [
+    own_names,
+    same_names,
+    truth_heard_by_each,
+    truth_in_a_bag_of_its_own,
+    truth_in_a_folder_beside_one_bag,
+    truth_of_a_simulator,
+]
+
+
+@pytest.mark.parametrize("habit", HABITS)
+def test_every_robot_has_its_odometry_and_its_truth(habit, tmp_path):
+    habit(tmp_path)
+    found = inspect_recording(tmp_path)
+    assert not found.trial.problem
+    assert len(found.runs) == 1
+    assert {*found.log.robots} == {"red", "blue"}
+    for robot, odometry, truth in zip(found.log.robots, found.log.odometry, found.log.truth, strict=True):
+        assert robot in odometry.source
+        assert robot in truth.source
+        assert ("truth" in odometry.source, len(odometry.time), len(truth.time)) == (False, 300, 300)
+        angle = 0.1 * (truth.time - START) + (0.0 if robot == "red" else np.pi)
+        np.testing.assert_allclose(truth.values[:, 0], 2 * np.cos(angle), atol=0.002)
+
+
+def test_folders_of_robots_are_runs_and_one_of_them_may_be_inspected(tmp_path):
+    for k in (1, 2):
+        folder = tmp_path / f"run{k}"
+        folder.mkdir()
+        for robot in ("red", "blue"):
+            made_bag(folder, "ros1", SECONDS, start=START + 1000 * k, name=robot, names={f"/{robot}/odom": "/odom"})
+        made_bag(folder, "ros1", SECONDS, start=START + 1000 * k, name="mocap", names=MOCAP)
+    assert inspect_recording(tmp_path).runs == ("run1", "run2")
+    assert inspect_recording(tmp_path / "run1").runs == ("run1",)
+
+
+def test_bags_one_after_the_other_and_those_of_a_simulated_clock_are_runs(tmp_path):
+    for folder, starts in (("later", (START, START + 40)), ("simulated", (0, 3))):
+        (tmp_path / folder).mkdir()
+        for k, start in enumerate(starts):
+            made_bag(tmp_path / folder, "ros1", SECONDS, name=f"run{k}", start=start)
+        assert list(find_runs(tmp_path / folder)) == ["run0", "run1"]
+
+
+def test_topics_of_types_that_are_not_read_are_named_with_a_remedy(tmp_path):
+    path, _ = made_bag(tmp_path, "sqlite3", SECONDS)
+    with Writer(tmp_path / "more", version=9) as writer:
+        connection = writer.add_connection("/uwb_node", "sensor_msgs/msg/Imu", typestore=ROS2)
+        for seconds in (1, 20):
+            writer.write(connection, (START + seconds) * 10**9, b"\0" * 400)
+    assert not any("not read" in line for line in bag_draft(path).unused)
+    line = next(line for line in bag_draft(tmp_path).unused if "not read" in line)
+    assert "/uwb_node (sensor_msgs/msg/Imu)" in line
+    assert "CSV" in line
+
+
+def test_a_bag_whose_files_are_compressed_is_a_bag(tmp_path):
+    path, _ = made_bag(tmp_path, "sqlite3", SECONDS, compressed=True)
+    assert [file.suffix for file in path.glob("*.db3*")] == [".zstd"]
+    assert inspect_recording(tmp_path).log.robots == ("blue", "red")
+
+
+def test_a_description_of_a_bag_may_name_text_files_for_a_table(tmp_path):
+    same_names(tmp_path)
+    assert 'topic = "/{robot}/odom"' in (text := inspect_recording(tmp_path).text)
+    assert 'file = "{robot}_groundtruth.csv"' in text
