@@ -58,6 +58,10 @@ def build(name: str, found: Any, given: Mapping[str, Any]) -> Any:
     unknown parameter, a value that does not fit, or a class that cannot be instantiated.
     """
     found = adapt(name, found) if is_plain(found) else found
+    if isinstance(found, type) and not any(hasattr(found, method) for method in ("init", "smooth")):
+        lacking = " and no ".join(method for method in ("predict", "correct") if not hasattr(found, method))
+        methods = "a filter of one robot has predict(z) and correct(z); of all at once init, predict, correct, send,"
+        raise BadInput(f"{name} has no {lacking}: {methods} fuse, estimate; `cooploc new-estimator NAME` writes one")
     if isinstance(found, Adapter):
         return found.with_parameters(**_check_parameters(name, found.make, found.given, given)) if given else found
     if not (isfunction(found) or isinstance(found, type)):

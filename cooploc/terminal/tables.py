@@ -35,7 +35,7 @@ from cooploc.analysis.report.result_tables import (
 )
 from cooploc.analysis.report.tables import Table, csv_text, frame, number_column, text_column, words
 from cooploc.estimators.registry import shorten_labels
-from cooploc.scenarios.conformance import Report
+from cooploc.scenarios.conformance import FIRST, Report
 from cooploc.scenarios.recordings.scenario import NO_ORDER
 from cooploc.scenarios.studies.study import Study, stream_sentence
 from cooploc.terminal.console import make_console
@@ -356,7 +356,8 @@ def show_tuning(
 def show_checks(report: Report) -> None:
     """Print the results, how many of the checks passed, failed and were skipped, and what to do next."""
     console, go_on = make_console(), f"cooploc run quick --estimators mrsl-rssi,{report.name}"
-    found = [{"check": r.check, "result": r.status, "what was found": str(r)} for r in report.results]
+    made = [r for r in report.results if r.detail not in FIRST.values()]  # the rest means nothing after a failure
+    found = [{"check": r.check, "result": r.status, "what was found": str(r)} for r in made]
     console.print(frame("checks", pd.DataFrame(found)).terminal())
     console.print(report.summary())
     console.print(f"next: {go_on if report.passed else 'correct what failed, and check again'}")
