@@ -8,7 +8,7 @@ A team is a folder with a file for each robot, the same names in every folder; i
   h, at the stamps of the poses.
 - `NAME.csv` has a header with `stamp` (or `time`, `t`), `x`, `y`, and where they are known `heading` (or `theta`,
   `yaw`) [rad] and the covariance's `xx`, `xy`, `yy`, `xh`, `yh`, `hh` (or `Pxx`, `Pxy`, ...), as MATLAB's
-  `writetable` writes it.
+  `writetable` writes it; semicolons or tabs may part them.
 - `covariances.npz` may have them for all robots: an array `NAME` (T, 3, 3) or (T, 2, 2), at the stamps of the poses.
 
 Or it is a ROS bag, whose topics of nav_msgs/Odometry and geometry_msgs/PoseWithCovarianceStamped have the robots' names
@@ -32,7 +32,7 @@ from cooploc.analysis.metrics.errors import demand_same
 from cooploc.estimators.errors import BadInput, nearest
 from cooploc.estimators.interface import Array, Mask
 from cooploc.scenarios.recordings.bag_storage import KINDS, bag_paths, open_bag, stamp_of
-from cooploc.scenarios.recordings.text_files import TextTable, read_table
+from cooploc.scenarios.recordings.text_files import TextTable, read_table, read_text
 from cooploc.scenarios.runner.run import Run
 from cooploc.scenarios.stream import Truth
 
@@ -133,9 +133,11 @@ def _read_tum(path: Path) -> Trajectory:
 
 
 def _read_csv(path: Path) -> Trajectory:
-    """Read a CSV file with a header."""
+    """Read a CSV file with a header; semicolons or tabs may part its fields, and commas be decimal points between."""
     try:
-        table = pd.read_csv(path)
+        head, _, rest = read_text(path).lstrip("\n").partition("\n")
+        parted = max(",;\t", key=head.count)
+        table = pd.read_csv(path, sep=parted, decimal="," if parted != "," and "," in rest else ".")
     except (ValueError, OSError) as e:
         raise BadInput(f"{path}: cannot be read as CSV ({' '.join(str(e).split())[:100]}); write it again") from None
     table.columns = pd.Index([OTHER_NAMES.get(name, name) for name in table.columns.str.strip(" #%").str.lower()])

@@ -66,6 +66,7 @@ class TeamFolder:
         if not data.is_dir():
             raise BadInput(f"{data}: there is no such directory; name the one that holds log.toml and the recordings")
         self.description = description or schema.load(data / NAME)
+        self.open_findings = [] if description else schema.open_findings(data / NAME)
         self.data = data / self.description.recordings
         self._reader = reader(self.description.format)
         self.places: dict[str, Path] = self._reader.find_runs(self.data, self.description)
@@ -316,7 +317,7 @@ class TeamScenario(schema.Model):
         """Return sentences, run by run: what was left out while reading, and the models with where they were fitted."""
         if self.run == ALL:
             each = (line for k in range(self.count()) for line in self.at([k]).explanations())
-            return [*self.left_out.values(), *each]
+            return list(dict.fromkeys([*self.folder.open_findings, *self.left_out.values(), *each]))
         try:
             log, models = self.judged_run.log, self.judged_run.models
             reasons = self.weaknesses(*self.simulate("log", [0], 0, self.world()))
@@ -329,7 +330,7 @@ class TeamScenario(schema.Model):
         if self._prior.position == "first truth":  # why a lone robot may err less than a team
             sd = f"{self._prior.position_sd:g} m"
             said.append(f"filters are told the true start of each robot, as known to {sd}: no odometry starts wrong")
-        return [*log.warnings, *weak, *(f"run {log.name!r}: {text}" for text in said)]
+        return [*self.folder.open_findings, *log.warnings, *weak, *(f"run {log.name!r}: {text}" for text in said)]
 
     def link_residuals(self) -> list[LinkResiduals]:
         """Return the residuals of the run after its models, where these were fitted and where they are judged."""

@@ -428,6 +428,21 @@ def load(path: Path) -> TeamDescription:
         raise BadInput(f"{path}: cannot be read as TOML ({e}); correct it") from None
 
 
+FOUND = "# FOUND (sure): "  # begins a comment of `cooploc inspect`
+
+
+def open_findings(path: Path) -> list[str]:
+    """Return what is odd for sure, by the comments in a description; but for [model], which is fitted in any case."""
+    table, found = "", list[str]()
+    for line in path.read_text(encoding="utf-8").splitlines() if path.is_file() else ():
+        table = line.strip() if line.startswith("[") else table
+        if line.startswith(FOUND) and table != "[model]":
+            found.append(
+                f"{path.name} says in {table}: {line.removeprefix('# ')}; remove this comment where it is settled"
+            )
+    return found[:3] + [f"{path.name} says FOUND of {len(found) - 3} things more"] * (len(found) > 3)
+
+
 def parse(path: Path, text: str) -> TeamDescription:
     """Return a description from the text of a file at `path`."""
     try:

@@ -116,10 +116,11 @@ def written(folder, t, x, P, how):
     """A folder, or a bag, of one robot with covariances in one of the forms."""
     folder.mkdir()
     triangle = P[(slice(None), *np.triu_indices(3))]
-    if how == "csv":
+    if how in ("csv", "semicolons"):
         named = dict(zip(["Pxx", "Pxy", "Pxh", "Pyy", "Pyh", "Phh"], triangle.T, strict=True))
         columns = {"Time": t, "X": x[:, 0], "Y": x[:, 1], "theta": x[:, 2], **named}
-        pd.DataFrame(columns).to_csv(folder / "red.csv", index=False)
+        signs = {"csv": {}, "semicolons": {"sep": ";", "decimal": ","}}[how]
+        pd.DataFrame(columns).to_csv(folder / "red.csv", index=False, **signs)
     elif how == "bag":
         with Writer(folder / "bag", version=9) as writer:
             kind = "geometry_msgs/msg/PoseWithCovarianceStamped"
@@ -148,7 +149,7 @@ def posed(ns, x, P):
     return types["PoseWithCovarianceStamped"](header=header, pose=pose)
 
 
-@pytest.mark.parametrize("how", ["beside", "csv", "npz", "bag"])
+@pytest.mark.parametrize("how", ["beside", "csv", "semicolons", "npz", "bag"])
 def test_covariances_are_read_in_every_form_and_honest_ones_are_consistent(honest, tmp_path, how):
     t, true, x, _, P = honest
     (tmp_path / "truth").mkdir()

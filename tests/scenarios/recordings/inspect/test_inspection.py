@@ -7,6 +7,7 @@ from made_csv_teams import eight_glitches, two_robots, write
 
 import cooploc as cl
 from cooploc.scenarios.recordings.inspect.draft_toml import toml
+from cooploc.scenarios.recordings.scenario import TeamScenario
 
 
 @pytest.fixture(scope="module")
@@ -28,6 +29,19 @@ def test_eight_deliberate_glitches_are_each_named_and_stand_in_log_toml(tmp_path
     truth = text[text.index("[truth]") : text.index("[ranges]")]
     for line in ("clock_offset = -2.", 'unit = "mm"', 'frame = "swapped"', "max_speed ="):
         assert line in truth
+
+
+def test_a_run_says_what_was_found_and_still_stands_in_log_toml(tmp_path, clean):
+    mirrored = {name: columns | {"y": -columns["y"]} for name, columns in clean.items() if name.startswith("truth")}
+    found = cl.inspect(write(tmp_path / "team", clean | mirrored))
+    found.write()
+    scenario = TeamScenario(data=tmp_path / "team")
+    lines = [line for line in scenario.explanations() if "FOUND" in line]
+    assert len(lines) == 2
+    assert all(line.startswith("log.toml says in [truth]: FOUND (sure): mirrored") for line in lines)
+    assert all("To change: frame" in line for line in lines)
+    (tmp_path / "team/log.toml").write_text(found.log_toml.replace("# FOUND (sure)", "# settled"))
+    assert not any("FOUND" in line for line in TeamScenario(data=tmp_path / "team").explanations())
 
 
 @pytest.mark.slow
