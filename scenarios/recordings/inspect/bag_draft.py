@@ -39,6 +39,8 @@ def bag_draft(path: Path) -> Draft:
         if t.name in states or not ODOMETRY & {*words_of(t.name)}
     ]
     truth = {robot: name for robot in wheels if (name := next((p for p in poses if _is_about(p, robot)), ""))}
+    if len(wheels) == 1 and not truth:  # its name need not be there
+        truth = {robot: name for robot in wheels for name in poses if name in states}
     if not wheels and each:
         inspect_each = "; ".join(f"cooploc inspect {run}" for run in runs)
         raise BadInput(f"{path}: the topics of its {len(runs)} bags differ; inspect each: {inspect_each}")
@@ -99,7 +101,8 @@ def _by_robot(topics: Sequence[str]) -> dict[str, str]:
         return {}
     best, most = Counter(pattern for _, _, pattern in marked).most_common(1)[0]
     if most < 2:
-        return {name.strip("/").split("/")[0]: name for name in reversed(topics)}
+        parts = {name: name.strip("/").split("/") for name in reversed(topics)}
+        return {parts[name][0] if len(parts[name]) > 1 else "robot": name for name in parts}
     found = {part: name for name, part, pattern in reversed(marked) if pattern == best}
     letters = {re.sub(r"\d", "", robot) for robot in found}
     for name, part, _ in marked:  # the same kind of robot under another topic
