@@ -9,7 +9,7 @@ from cooploc.terminal.tables import recording_lines
 
 
 @pytest.mark.slow
-def test_inspect_prints_what_is_odd_and_writes_a_log_that_only_force_replaces(tmp_path):
+def test_inspect_prints_what_is_odd_and_writes_a_page(tmp_path):
     eight_glitches(tmp_path / "team")
     ended = inside("inspect", "team", cwd=tmp_path)
     assert ended.returncode == 0, ended.stderr
@@ -22,6 +22,12 @@ def test_inspect_prints_what_is_odd_and_writes_a_log_that_only_force_replaces(tm
     assert page.count("<h2>") == 8 + 3
     assert page.count("data:image/png;base64,") == 7 + 1  # a torn line has no picture; the whole recording has one
     assert "[truth] clock_offset = -2.47" in page
+
+
+@pytest.mark.slow
+def test_only_force_replaces_a_log_toml(tmp_path):
+    write(tmp_path / "team", two_robots(seconds=40))
+    assert inside("inspect", "team", cwd=tmp_path).returncode == 0
     log = tmp_path / "team" / "log.toml"
     log.write_text(log.read_text() + "# mine\n")
     assert "was left as it is" in inside("inspect", "team", cwd=tmp_path).stdout

@@ -17,7 +17,11 @@ SMALL = {
         ('"mrclam/all", data=DATA / "mrclam6"', '"mrclam/all", data=DATA / "mrclam6", duration=60.0'),
         ("range(11)", "range(2)"),
     ],
-    "06_tuned_alike": [("budget=60", "budget=9"), ("trials=10", "trials=3")],
+    "06_tuned_alike": [
+        ("budget=60", "budget=9"),
+        ("trials=10", "trials=3"),
+        ('"mrsl-rssi", "mrsl-distance", "ekf-local", "ekf-joint"', '"mrsl-distance"'),
+    ],
 }
 AUTHOR = "03_write_an_estimator"
 NOTEBOOKS = sorted((Path(__file__).resolve().parents[2] / "notebooks").glob("*.ipynb"))
