@@ -41,9 +41,10 @@ def bag_draft(path: Path) -> Draft:
     truth = {robot: name for robot in wheels if (name := next((p for p in poses if _is_about(p, robot)), ""))}
     if len(wheels) == 1 and not truth:  # its name need not be there
         truth = {robot: name for robot in wheels for name in poses if name in states}
+    inspect_each = "; ".join(f"cooploc inspect {run}" for run in runs)
+    differ = f"{path}: the topics of its {len(runs)} runs differ; inspect each: {inspect_each}"
     if not wheels and each:
-        inspect_each = "; ".join(f"cooploc inspect {run}" for run in runs)
-        raise BadInput(f"{path}: the topics of its {len(runs)} bags differ; inspect each: {inspect_each}")
+        raise BadInput(differ)
     if not wheels:
         names = ", ".join(t.name for t in found)[:300]
         raise BadInput(f"{path}: no robot has odometry (nav_msgs/Odometry); topics: {names}")
@@ -65,6 +66,8 @@ def bag_draft(path: Path) -> Draft:
     beside = tables_beside_bag(home, texts, list(wheels), {table.name for table in tables})
     tables += beside.tables
     has_truth = "truth" in {table.name for table in tables}
+    if not has_truth and any(t.type.endswith("/Odometry") and t.name not in names for t in every for names in each):
+        raise BadInput(differ)
     entries = (
         Entry("format", "bag", "a ROS bag"),
         Entry(

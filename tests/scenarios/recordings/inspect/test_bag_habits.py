@@ -5,6 +5,7 @@ import pytest
 from made_bags import ROS2, START, made_bag
 from rosbags.rosbag2 import Writer
 
+from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.recordings.bags import find_runs
 from cooploc.scenarios.recordings.inspect.bag_draft import bag_draft
 from cooploc.scenarios.recordings.inspect.inspection import inspect_recording
@@ -104,6 +105,15 @@ def test_bags_one_after_the_other_and_those_of_a_simulated_clock_are_runs(tmp_pa
         for k, start in enumerate(starts):
             made_bag(tmp_path / folder, "ros1", SECONDS, name=f"run{k}", start=start)
         assert list(find_runs(tmp_path / folder)) == ["run0", "run1"]
+
+
+def test_runs_of_other_robots_are_to_be_inspected_each(tmp_path):
+    """Red drives in both, blue in the second alone, and no topic is the truth of red."""
+    for k, robots in enumerate((["red"], ["red", "blue"])):
+        names = {f"/{robot}/odom": f"/{robot}/odom" for robot in robots}
+        made_bag(tmp_path, "mcap", SECONDS, name=f"run{k}", start=START + 100 * k, names=names)
+    with pytest.raises(BadInput, match=r"the topics of its 2 runs differ; inspect each: cooploc inspect \S+/run0;"):
+        bag_draft(tmp_path)
 
 
 def test_topics_of_types_that_are_not_read_are_named_with_a_remedy(tmp_path):
