@@ -25,6 +25,7 @@ from cooploc.estimators.errors import BadInput
 
 METADATA = "metadata.yaml"
 ENDINGS = (".bag", ".db3", ".mcap")
+ODOMETRY = "nav_msgs/msg/Odometry"
 EPOCH = 5 * 10**17  # [ns] in 1985: earlier stamps are of no clock of this world
 NO_BAG = "{}: no bag here; it needs files that end with .bag, .db3 or .mcap"
 Message = tuple[str, int, bytes]  # topic, time of receipt [ns], content
@@ -50,22 +51,25 @@ def typestore(store: Stores) -> Typestore:
 
 def is_bag(path: Path) -> bool:
     """Return whether a path is a bag, by its ending or its metadata; whatever compressed its files, they end so."""
-    return path.suffix.lower() in ENDINGS or (path / METADATA).is_file()
+    return (path.is_file() and path.suffix.lower() in ENDINGS) or (path / METADATA).is_file()
 
 
-def recorded_together(bags: Sequence[Path]) -> bool:
+def overlap_in_time(bags: Sequence[Path]) -> bool:
     """Return whether several intact bags were recorded at the same time, as by each robot of a team.
 
-    Clocks of a simulation begin at zero in each of its runs, and say nothing.
+    Clocks of a simulation begin at zero in each of its runs, and say nothing; nor do those of robots that do not know
+    the date, but a robot's own bag does not have the odometry of two.
     """
-    spans = []
+    spans, odometry = [], list[set[str]]()
     for bag in bags if len(bags) > 1 else ():
         try:
             with AnyReader([bag], default_typestore=typestore(Stores.ROS2_HUMBLE)) as reader:
                 spans.append((reader.start_time, reader.end_time))
+                odometry.append({c.topic for c in reader.connections if c.msgtype == ODOMETRY})
         except Exception:  # rosbags raises whatever its parsers raise
             return False
-    return bool(spans) and EPOCH < max(begin for begin, _ in spans) < min(end for _, end in spans)
+    together = bool(spans) and EPOCH < max(begin for begin, _ in spans) < min(end for _, end in spans)
+    return together and len(set.intersection(*odometry)) < 2
 
 
 def bag_paths(path: Path) -> list[Path]:
@@ -132,7 +136,7 @@ def _speeds(twist: Any) -> Row:
 
 
 KINDS: Mapping[str, MessageKind] = {
-    "nav_msgs/msg/Odometry": MessageKind(
+    ODOMETRY: MessageKind(
         POSE + TWIST, lambda m: [_pose(m.pose.pose.position, m.pose.pose.orientation) + _speeds(m.twist.twist)]
     ),
     "geometry_msgs/msg/PoseStamped": MessageKind(POSE, lambda m: [_pose(m.pose.position, m.pose.orientation)]),

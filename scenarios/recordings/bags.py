@@ -41,7 +41,7 @@ Content = tuple[dict[str, Topic], list[str]]  # topics by name, and warnings
 def read_content(path: Path, wanted: Collection[str] | None) -> Content:
     """Read all messages of the topics in `wanted`; or of all topics (None) only when they were received."""
     bags = bag_storage.bag_paths(path)
-    together = {bag: _prefix(bag) for bag in bags} if bag_storage.recorded_together(bags) else {}
+    together = {bag: _prefix(bag) for bag in bags} if bag_storage.overlap_in_time(bags) else {}
     if wanted is not None:
         wanted = {*wanted, *(name.removeprefix(own) for own in together.values() for name in wanted)}
     contents, warnings = list[dict[str, Topic]](), list[str]()
@@ -49,7 +49,7 @@ def read_content(path: Path, wanted: Collection[str] | None) -> Content:
         parts = _parts(bag, wanted)
         contents.append(_merge(path, [found for found, _ in parts]))
         warnings += [line for _, told in parts for line in told]
-    contents = _name_apart([*together.values()], contents) if together else contents
+    contents = _distinguish_topics([*together.values()], contents) if together else contents
     return _merge(path, contents), list(dict.fromkeys(warnings))
 
 
@@ -72,7 +72,7 @@ def _merge(path: Path, contents: Sequence[Mapping[str, Topic]]) -> dict[str, Top
     return topics
 
 
-def _name_apart(owns: Sequence[str], contents: Sequence[Mapping[str, Topic]]) -> list[dict[str, Topic]]:
+def _distinguish_topics(owns: Sequence[str], contents: Sequence[Mapping[str, Topic]]) -> list[dict[str, Topic]]:
     """Return the topics of bags that robots recorded at the same time, those that several share named after the bags.
 
     /odom in red.bag and in blue.bag is /red/odom and /blue/odom. Of one topic that was recorded several times, as the
@@ -80,22 +80,17 @@ def _name_apart(owns: Sequence[str], contents: Sequence[Mapping[str, Topic]]) ->
     """
     named: list[dict[str, Topic]] = [{} for _ in contents]
     for name in dict.fromkeys(name for content in contents for name in content):
-        holders = [k for k, content in enumerate(contents) if name in content]
-        heard = [k for k in holders if contents[k][name].type in KINDS and contents[k][name].received]
-        if len(heard) > 1:
-            least, most = (f(heard, key=lambda k: len(contents[k][name].received)) for f in (min, max))
-            a, b = (
-                contents[least][name].hashes,
-                set[int]().union(*(contents[k][name].hashes for k in heard if k != least)),
-            )
-            if len(a & b) > len(a) / 2:
-                named[most][name] = contents[most][name]
-            else:
-                for k in heard:
-                    named[k][owns[k] + name] = contents[k][name]
+        there = {k: content[name] for k, content in enumerate(contents) if name in content}
+        heard = {k: topic for k, topic in there.items() if topic.type in KINDS and topic.received}
+        by_length = sorted(heard, key=lambda k: len(heard[k].received))
+        if len(heard) < 2:
+            for k, topic in there.items():
+                named[k][name] = topic
+        elif len(heard[by_length[0]].hashes & heard[by_length[-1]].hashes) > len(heard[by_length[0]].hashes) / 2:
+            named[by_length[-1]][name] = heard[by_length[-1]]
         else:
-            for k in holders:
-                named[k][name] = contents[k][name]
+            for k, topic in heard.items():
+                named[k][owns[k] + name] = topic
     return named
 
 
@@ -137,7 +132,8 @@ def _collect(bag: Bag, wanted: Collection[str] | None) -> Content:
                 topic.stamps.append(stamp)
                 topic.rows.append(rows)
             topic.received.append(time)
-            topic.hashes.add(hash(raw))
+            if topic.type in KINDS:
+                topic.hashes.add(hash(bytes(raw)))
         except Exception:  # whatever rosbags raises on a damaged message, or one of a type it does not know
             unreadable[name] += 1
     for name in names:
@@ -260,7 +256,7 @@ def find_runs(data: Path, _: TeamDescription | None = None) -> dict[str, Path]:
     A directory of bags is one run, which was recorded in parts or by each robot; so are bags of the same time.
     """
     inside = sorted(data.iterdir())
-    if bag_storage.is_bag(data) or bag_storage.recorded_together([path for path in inside if bag_storage.is_bag(path)]):
+    if bag_storage.is_bag(data) or bag_storage.overlap_in_time([path for path in inside if bag_storage.is_bag(path)]):
         return {data.resolve().name: data}
     found: dict[str, Path] = {}
     for path in inside:

@@ -99,8 +99,8 @@ def test_folders_of_robots_are_runs_and_one_of_them_may_be_inspected(tmp_path):
     assert inspect_recording(tmp_path / "run1").runs == ("run1",)
 
 
-def test_bags_one_after_the_other_and_those_of_a_simulated_clock_are_runs(tmp_path):
-    for folder, starts in (("later", (START, START + 40)), ("simulated", (0, 3))):
+def test_bags_one_after_the_other_and_those_of_a_clock_that_begins_again_are_runs(tmp_path):
+    for folder, starts in (("later", (START, START + 40)), ("simulated", (0, 3)), ("no date", (START, START + 3))):
         (tmp_path / folder).mkdir()
         for k, start in enumerate(starts):
             made_bag(tmp_path / folder, "ros1", SECONDS, name=f"run{k}", start=start)
