@@ -6,7 +6,7 @@ An estimator's `uses` selects its channels; everything else is hidden from it, s
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cached_property
-from typing import Any, ClassVar, cast
+from typing import Any, ClassVar, cast, get_args
 
 import numba
 import numpy as np
@@ -39,7 +39,14 @@ def visible(name: str, estimator: Any, stream: Stream) -> Stream:
     """Hide everything of a stream that the estimator does not declare."""
     if reason := wrong_version(estimator):
         raise IncompatibleEstimator(f"{name} cannot run: {reason}")
-    used = select_channels(name, tuple(estimator.uses), stream)
+    try:
+        used = select_channels(name, tuple(estimator.uses), stream)
+    except IncompatibleEstimator as e:
+        choices = getattr(type(estimator), "__annotations__", {}).get("anchor_reading")
+        if "any" not in get_args(choices):
+            raise
+        both = ",".join(f"{key}=any" for key in ("anchor_reading", "reading") if hasattr(estimator, key))
+        raise IncompatibleEstimator(f"{e}; [{both}] takes whatever readings there are") from None
     z, air = stream.senses, stream.air
     shown = {c: getattr(z, c) if c in used else getattr(z, c)[:, :, :, :0] for c in SENSED}
     heard = {c: getattr(air, c) if f"radio_{c}" in used else getattr(air, c)[..., :0] for c in ("rssi", "range")}

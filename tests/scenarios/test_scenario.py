@@ -1,11 +1,14 @@
 """A label becomes a scenario: its size, its trials, what the team assumes, and options of any stream."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from pydantic import BaseModel
 
 import cooploc as cl
 from cooploc.scenarios import BUILTIN, Family, resolve
+from cooploc.scenarios.runner.tick import visible
 from cooploc.scenarios.runner.trace import trace
 
 
@@ -96,6 +99,15 @@ def test_team_priors_are_there_in_every_tick_and_are_not_uploaded(label):
     one, other = (trace("it", cl.PerTeam(Central, uses=uses), stream) for uses in (reads, (*reads, "team_prior")))
     assert one.bytes.min() > 0
     np.testing.assert_array_equal(one.bytes, other.bytes)
+
+
+@pytest.mark.parametrize(
+    ("name", "remedy"), [("ekf-ci", r"\[anchor_reading=any,reading=any\] takes"), ("arl", "range$")]
+)
+def test_a_filter_that_lacks_a_channel_says_how_it_takes_what_there_is(name, remedy):
+    bare = SimpleNamespace(scenario="log/all", channels=lambda: {"odometry", "radio_range"})
+    with pytest.raises(cl.IncompatibleEstimator, match=f"{name} needs channel 'anchor_rssi'.*{remedy}"):
+        visible(name, cl.make(name), bare)
 
 
 def test_an_error_says_how_to_have_team_priors():
