@@ -130,6 +130,8 @@ def recognize(path: Path) -> tuple[str, str]:
         return "mrclam", f"{of_mrclam} is of MRCLAM"
     if ending.keys() & {*TEXT_ENDINGS}:
         return "csv", "text files with columns"
+    if active := next((p for p in files if p.name.endswith(".bag.active")), None):
+        raise BadInput(f"{active}: its recorder was killed; `rosbag reindex {active.name}` mends it, then name it .bag")
     here = f" ({files[0].name} is none; save what is in it as CSV)" if files else ""
     raise BadInput(f"{path}: there is no CSV file, bag, PyFG file or MRCLAM text in it{here}; name another directory")
 

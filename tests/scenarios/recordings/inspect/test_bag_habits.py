@@ -134,6 +134,12 @@ def test_a_bag_whose_files_are_compressed_is_a_bag(tmp_path):
     assert inspect_recording(tmp_path).log.robots == ("blue", "red")
 
 
+def test_a_bag_whose_recorder_was_killed_is_named_with_what_mends_it(tmp_path):
+    (tmp_path / "team.bag.active").touch()
+    with pytest.raises(BadInput, match=r"its recorder was killed; `rosbag reindex team\.bag\.active` mends it"):
+        inspect_recording(tmp_path)
+
+
 def test_a_description_of_a_bag_may_name_text_files_for_a_table(tmp_path):
     same_names(tmp_path)
     assert 'topic = "/{robot}/odom"' in (text := inspect_recording(tmp_path).text)
