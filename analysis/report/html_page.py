@@ -61,7 +61,7 @@ from cooploc.scenarios.studies.study import Study, stream_sentence
 
 FEW = 4  # scenarios that the first figure of a page draws side by side
 BELOW = "95 %", "remark"  # heads of columns that stand below their left neighbour
-SYMBOLS = dict(zip(style.MARKERS, "✖●■◆▲▼✚★⬟⬢◀▶♦⯃⬣✦✧✶⅄⋏✯✺≻", strict=False))  # of the figures' markers
+SYMBOLS = dict(zip(style.MARKERS, "✖●■◆▲▼✚★⬟⬢◀▶♦◉⬣✦✧✶⅄⋏✯✺≻", strict=False))  # of the figures' markers
 PLAIN = r"([-+]?\d+(\.\d+)?( %)?)?"  # what the page's script reads as a number
 MOST_BYTES = 2_000_000  # of a page
 FORMS = {"tex": "latex", "md": "markdown", "csv": "csv"}  # ending of a file -> method of `Table`
