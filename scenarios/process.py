@@ -147,6 +147,10 @@ def wait_for(owner: str, future: "Future[Outcome]", seconds: float = float("inf"
     return outcome.unpack()
 
 
+# Of a process that is ended while it starts, loky's tracker removes a lock, and would print a warning of it.
+QUIET = "ignore:resource_tracker:UserWarning"
+
+
 def pool(owner: str, jobs: int = 1) -> Executor:
     """Return an owner's processes: those of its last call, or new ones."""
     from loky import ProcessPoolExecutor
@@ -157,8 +161,12 @@ def pool(owner: str, jobs: int = 1) -> Executor:
     if key not in _pools:
         Finalize(None, end_all, exitpriority=100)  # else a process that was itself forked would wait for them
         begin = {"initializer": _begin_worker, "initargs": (os.getpid(), owner != BUILTIN)}
-        _pools[key] = ProcessPoolExecutor(jobs, timeout=IDLE, env=ENVIRONMENT, **begin), _source_times()
-        resource_tracker.ensure_running()  # loky needs it; as it starts, it lets Ctrl-C in again
+        sys.warnoptions.append(QUIET)  # the tracker that starts here takes it over
+        try:
+            _pools[key] = ProcessPoolExecutor(jobs, timeout=IDLE, env=ENVIRONMENT, **begin), _source_times()
+            resource_tracker.ensure_running()  # loky needs it; as it starts, it lets Ctrl-C in again
+        finally:
+            sys.warnoptions.remove(QUIET)
         # Processes that are started here never see Ctrl-C, not even as they import; in this one it waits until then.
         before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
         try:
