@@ -20,7 +20,7 @@ from cooploc.scenarios.recordings.bag_storage import KINDS, POSE, TWIST, Bag, Ro
 from cooploc.scenarios.recordings.schema import UNITS, TeamDescription
 from cooploc.scenarios.recordings.sqlite_recovery import recover
 from cooploc.scenarios.recordings.team_log import Kind, Measured, Series, TeamLog, order_series, reading_tables
-from cooploc.scenarios.recordings.text_files import LARGEST, TEXT_ENDINGS
+from cooploc.scenarios.recordings.text_files import LARGEST
 
 LATEST = 2**62  # [ns] in the year 2116: later times of receipt are damaged
 
@@ -269,10 +269,9 @@ def find_runs(data: Path, _: TeamDescription | None = None) -> dict[str, Path]:
     return found
 
 
-def text_folder(run: Path) -> Path:
-    """Return the directory of the text files beside the bags of a run: its own, if there are some, else that above."""
-    has_text = run.is_dir() and any(path.suffix.lower() in TEXT_ENDINGS for path in run.rglob("*"))
-    return run if has_text else run.parent
+def text_folders(run: Path) -> list[Path]:
+    """Return the directories that may hold text files of a run of bags: its own, and that above."""
+    return [run, run.parent] if run.is_dir() else [run.parent]
 
 
 def topics_of(source: schema.Source, robots: Sequence[str], others: Sequence[str]) -> Iterator[tuple[str, str, str]]:
@@ -324,7 +323,10 @@ def read_run(place: Path, name: str, description: TeamDescription) -> TeamLog:
     sources += [(table, others) for _, table, others in of]
     wanted = {topic for source, others in sources for topic, _, _ in topics_of(source, d.robots, others)}
     found, warnings = read_topics(place, wanted, all_there=False)
-    files = csv_files.RunFiles(text_folder(place), name, d, warnings)
+    tables = [table for table in (moves, d.truth, *(one for _, one, _ in of)) if table and table.in_files]
+    patterns = [re.sub(r"\{\w+\}", "*", (table.file or "").replace("[", "[[]")) for table in tables]
+    homes = [folder for folder in text_folders(place) if any(any(folder.glob(pattern)) for pattern in patterns)]
+    files = csv_files.RunFiles(homes[0] if homes else place.parent, name, d, warnings)
     series: dict[str, dict[str, Series]] = {"odometry": {}, "truth": {}}
     for named, text in (("odometry", d.odometry), ("truth", d.truth)):
         series[named] |= csv_files.read_motion(files, text) if text and text.in_files else {}

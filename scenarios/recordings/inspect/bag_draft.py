@@ -10,7 +10,7 @@ import numpy as np
 
 from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.recordings.bag_storage import is_bag
-from cooploc.scenarios.recordings.bags import TopicSeries, find_runs, read_topics, text_folder, topics
+from cooploc.scenarios.recordings.bags import TopicSeries, find_runs, read_topics, text_folders, topics
 from cooploc.scenarios.recordings.inspect.csv_draft import tables_beside_bag
 from cooploc.scenarios.recordings.inspect.draft_toml import Draft, DraftTable, Entry
 from cooploc.scenarios.recordings.inspect.naming import ODOMETRY, TRUTH, name_meaning, pairs_of_robots, words_of
@@ -60,10 +60,11 @@ def bag_draft(path: Path) -> Draft:
     for pattern in dict.fromkeys(named.values()):
         entry = Entry("topic", pattern, "topics with the names of two robots", "likely")
         tables.append(DraftTable(f"{name_meaning(pattern)[0]}s".replace("rssis", "rssi"), (entry,)))
-    home = text_folder(runs[0])
-    texts = sorted(p for p in (home.rglob("*") if path.is_dir() and home.is_relative_to(path) else home.glob("*")))
-    texts = [p for p in texts if p.is_file() and p.suffix.lower() in TEXT_ENDINGS]
-    beside = tables_beside_bag(home, texts, list(wheels), {table.name for table in tables})
+    there, beside = {table.name for table in tables}, Draft(())
+    for home in text_folders(runs[0]):
+        below = home.rglob("*") if path.is_dir() and home.is_relative_to(path) else home.glob("*")
+        texts = [p for p in sorted(below) if p.is_file() and p.suffix.lower() in TEXT_ENDINGS]
+        beside = beside if beside.tables else tables_beside_bag(home, texts, list(wheels), there)
     tables += beside.tables
     has_truth = "truth" in {table.name for table in tables}
     if not has_truth and any(t.type.endswith("/Odometry") and t.name not in names for t in every for names in each):

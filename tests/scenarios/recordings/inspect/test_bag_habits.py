@@ -55,6 +55,11 @@ def truth_in_a_folder_beside_one_bag(folder):
     write_truth(folder / "gt", "{}.csv")
 
 
+def truth_beside_a_bag_with_notes_in_it(folder):
+    truth_in_a_folder_beside_one_bag(folder)
+    (folder / "team/notes.txt").write_text("It rained.\n")
+
+
 def truth_of_a_simulator(folder):
     """Both are Odometry; the truth's name comes first in the alphabet."""
     for robot in ("red", "blue"):
@@ -69,6 +74,7 @@ HABITS = [
     truth_heard_by_each,
     truth_in_a_bag_of_its_own,
     truth_in_a_folder_beside_one_bag,
+    truth_beside_a_bag_with_notes_in_it,
     truth_of_a_simulator,
 ]
 
