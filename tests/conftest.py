@@ -31,8 +31,8 @@ def rng(request):
 
 @pytest.fixture
 def short_streams(monkeypatch):
-    """Let checks in this process run on streams of half the ticks, for estimators that take long."""
-    short = {label: {**options, "ticks": 6} for label, options in conformance.SCENARIOS.items()}
+    """Let checks in this process run on streams of a third of the ticks, for estimators that take long."""
+    short = {label: {**options, "ticks": 4} for label, options in conformance.SCENARIOS.items()}
     monkeypatch.setattr(conformance, "SCENARIOS", short)
 
 

@@ -220,9 +220,9 @@ def test_interim_master_breaks_at_the_first_lost_message():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("label", ["ekf-joint", PLAIN, "ekf-naive", "ekf-luft", "ekf-split-ci", "ekf-interim"])
-def test_covariances_stay_definite_over_ten_thousand_ticks(label):
+def test_covariances_stay_definite_over_thousands_of_ticks(label):
     """Without landmarks, so that what is shared grows while what is relative stays small."""
-    stream = drop_landmarks(simulate("camera/n=2", seed=31, ticks=10_000)[1])
+    stream = drop_landmarks(simulate("camera/n=2", seed=31, ticks=4_000)[1])
     if "joint" in label:
         P = np.concatenate([s.P.reshape(-1, 6, 6) for _, s in exchanges(make(label), stream)[::50]])
     else:

@@ -108,7 +108,7 @@ def test_a_sound_recording_is_read(sound, kind):
     assert not isinstance(read(kind, sound / kind), BadInput)
 
 
-@cases(250)
+@cases(80)
 @given(st.sampled_from(TEXTS), PLACE, HARM)
 def test_a_harmed_recording_is_read_or_one_line(copied, kind, which, harm):
     file = copied(kind, which)
@@ -116,7 +116,7 @@ def test_a_harmed_recording_is_read_or_one_line(copied, kind, which, harm):
     read(kind, file.parent)
 
 
-@cases(250)
+@cases(80)
 @given(st.sampled_from(TEXTS), *[PLACE] * 3, WORDS)
 def test_a_field_that_says_anything_is_read_or_one_line(copied, kind, which, line, field, word):
     file = copied(kind, which)
@@ -141,7 +141,7 @@ def test_a_harmed_bag_is_read_or_one_line(tmp_path, kind, part):
     file = files[0 if part == "messages" else -1]
     content = file.read_bytes()
 
-    @cases(30)
+    @cases(20)
     @given(HARM)
     def harm_it(harm):
         file.write_bytes(harmed(content, harm))

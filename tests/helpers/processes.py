@@ -53,8 +53,6 @@ class Trouble(DeadReckoning):
                 while True:
                     pass
             open(f"began-{os.getpid()}", "w").close()
-            if self.does == "die":
-                os.kill(os.getpid(), signal.SIGKILL)
             if self.does == "nan":
                 prior = prior._replace(x=prior.x * float("nan"))
         return super().init(prior, world, rows)

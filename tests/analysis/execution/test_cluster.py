@@ -99,6 +99,11 @@ def be_patient():
     workers.PATIENCE = 600
 
 
+def be_hasty():
+    """Let a process give a scheduler up soon."""
+    workers.PATIENCE = 1
+
+
 def test_a_cluster_gives_the_bits_of_a_local_run_though_a_worker_is_killed(cluster, local, tmp_path, plugins):
     victim, _ = cluster.join(), cluster.join()
     run = started(cluster, tmp_path, plugins)
@@ -118,7 +123,7 @@ def test_a_cluster_gives_the_bits_of_a_local_run_though_a_worker_is_killed(clust
 )
 def test_a_cluster_that_does_not_answer_is_one_line(tmp_path, plugins, address, said):
     (tmp_path / "small.toml").write_text(SMALL)
-    told = finish(*FAR, address, plugins=plugins, cwd=tmp_path)
+    told = finish(*FAR, address, plugins=plugins, cwd=tmp_path, prepare=be_hasty)
     assert (told.returncode, told.stderr.count("\n")) == (2, 1), told.stderr
     assert said in told.stderr
     assert not (tmp_path / "far").exists()

@@ -76,11 +76,10 @@ def failures(rows):
     return rows.dropna(subset="failure").groupby("trial")["failure"].first().to_dict()
 
 
-@pytest.mark.parametrize("jobs", [1, 2])
-def test_what_a_plug_in_does_to_its_process_costs_its_own_trials(place, jobs):
+def test_what_a_plug_in_does_to_its_process_costs_its_own_trials(place):
     names = ("dead-reckoning", *(f"bad.py:{name}" for name in SAID))
     study = Study(name="cells", trials=2, baseline="dead-reckoning", scenarios=(WORLD,), estimators=names)
-    rows = execute(prepare(study), place / "run", jobs=jobs, check=False)
+    rows = execute(prepare(study), place / "run", jobs=2, check=False)
     alone = execute(prepare(study.replace_options(only=("dead-reckoning",))), place / "alone")
     for name, said in SAID.items():
         found = failures(rows[rows["estimator"] == f"bad.py:{name}"])

@@ -113,7 +113,7 @@ RANDOM = {"arl", "rssi-pf", "mrsl-rssi", "mrsl-distance", "ctrn", "cmrl", "recip
 @pytest.mark.parametrize("name", BUILTIN)
 @pytest.mark.slow
 def test_built_in_estimators_pass(name, request):
-    if name in ("map-joint", "gbp"):  # which take long
+    if name in ("map-joint", "gbp", "reciprocal-pf", "ukf-joint", "channel-pf", "cmrl"):  # which take long
         request.getfixturevalue("short_streams")
     report = check_estimator(make(name), name)
     assert report.passed, report.table()

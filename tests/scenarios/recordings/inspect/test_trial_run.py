@@ -46,9 +46,10 @@ MADE = {
     "graph": made_graph,
     **{f"bag {kind}": lambda folder, kind=kind: made_bag(folder, kind, seconds=20.0) for kind in KINDS},
 }
-CHANGES = ("whole", "a robot less", "a late robot", "a tenth")
-REAL = [("wifi-rssi", "whole"), ("mrclam6", "a tenth")]
-REAL += [(f"uwb-tiers/{team}", change) for team in ("two-robots", "four-robots") for change in CHANGES]
+CHANGES = ("a robot less", "a late robot", "a tenth")
+TRIED = [(name, "whole") for name in MADE] + [("glitches", change) for change in CHANGES]
+TWO, FOUR = "uwb-tiers/two-robots", "uwb-tiers/four-robots"
+REAL = [("wifi-rssi", "whole"), ("mrclam6", "a tenth"), (TWO, "whole"), (TWO, "a robot less"), (FOUR, "a late robot")]
 
 
 def cut(record, kept):
@@ -94,7 +95,8 @@ def require_run_of_draft(folder, out, change, monkeypatch):
         monkeypatch.setattr(cooploc.inspection.Inspection, "sketch", lambda *arguments: None)
     found.write(out)
     errors = []
-    for trial in range(sum(": 1 robot" in line or " robots, " in line for line in found.inspected.trial.lines)):
+    runs = sum(": 1 robot" in line or " robots, " in line for line in found.inspected.trial.lines)
+    for trial in range(min(runs, 3)):
         truth, stream = cl.simulate("log/all", trials=[trial], data=out)
         assert truth.valid.any()
         errors.append(cl.errors(truth, cl.run(["dead-reckoning"], stream)))
@@ -103,8 +105,7 @@ def require_run_of_draft(folder, out, change, monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("change", CHANGES)
-@pytest.mark.parametrize("name", MADE)
+@pytest.mark.parametrize(("name", "change"), TRIED)
 def test_the_draft_of_a_made_recording_runs(tmp_path, name, change, monkeypatch):
     (tmp_path / "made").mkdir()
     MADE[name](tmp_path / "made")
@@ -149,7 +150,7 @@ FAULTS = {
     "tum": (torn(tum_files, "red_gt.tum"), "line 61: 1 fields, not 8"),
     "graph": (torn(made_graph, "graph.pyfg"), "1 lines of 'VERTEX_SE', which is not read"),
     "mrclam": (torn(mrclam_files, "Robot2_Odometry.dat"), "line 61: 1 columns, not 3"),
-    **{f"bag {k}": (lambda f, k=k: made_bag(f, k, 20.0, behind=900), "900.0 s behind") for k in KINDS},
+    "bag": (lambda folder: made_bag(folder, "mcap", 20.0, behind=900), "900.0 s behind"),
 }
 
 
