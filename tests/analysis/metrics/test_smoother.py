@@ -90,8 +90,7 @@ def test_it_is_not_ranked_never_best_and_said_to_be_offline(stream_and_truth):
 
 @pytest.mark.slow
 def test_it_passes_every_check_but_causality(short_streams, monkeypatch):
-    radio = {label: options for label, options in conformance.SCENARIOS.items() if "camera" not in label}
-    monkeypatch.setattr(conformance, "SCENARIOS", radio)
+    monkeypatch.setattr(conformance, "SCENARIOS", dict([*conformance.SCENARIOS.items()][:1]))
     report = cl.check_estimator(cl.Smoother(), isolate=False)
     assert report.passed, report.table()
     skipped = {result.check for result in report.results if result.status == "skipped"}
