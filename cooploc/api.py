@@ -23,6 +23,7 @@ from cooploc.analysis.claims.verdicts import drop_timed, judge_at_look, judge_ru
 from cooploc.analysis.execution import reproduce as again
 from cooploc.analysis.execution.run import Answers, execute, prepare, run_until_decided, trial_seconds
 from cooploc.analysis.execution.run_directory import PARTS, read_run, select
+from cooploc.analysis.formats import count_of
 from cooploc.analysis.metrics import run_tables
 from cooploc.analysis.metrics.compare import compare
 from cooploc.analysis.metrics.errors import errors
@@ -66,12 +67,11 @@ class Results:
         return str(self.folder)
 
     def __repr__(self) -> str:
-        scenarios, estimators = (self.table[column].nunique() for column in ("scenario", "estimator"))
-        return f"Results({str(self.folder)!r}, {scenarios} scenarios, {estimators} estimators)"
+        size = ", ".join(count_of(self.table[column].nunique(), column) for column in ("scenario", "estimator"))
+        return f"Results({str(self.folder)!r}, {size})"
 
     def _repr_html_(self) -> str:
-        shown = ["scenario", "estimator", "trials", "failed", "rmse", "rmse_low", "rmse_high", "anees", "consistency"]
-        return self.table[shown].round(3).to_html(index=False)
+        return tables.results_html(self.table)
 
 
 AnyRun = str | PathLike[str]  # a run directory, or the `Results` of `run_study` or `load_run`

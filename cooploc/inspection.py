@@ -92,7 +92,9 @@ class Inspection:
             page = inspection_page(self.inspected)
             run_directory.replace_file(home / SANITY, lambda temporary: temporary.write_text(page, encoding="utf-8"))
         except OSError as e:
-            raise BadInput(f"{home}: cannot be written to ({e.strerror}); name another directory with --out") from None
+            raise BadInput(
+                f"{home}: cannot be written to ({e.strerror}); name another directory by --out, in Python out="
+            ) from None
         return [*written, home / SKETCH, home / SANITY]
 
 

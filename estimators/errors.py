@@ -13,6 +13,10 @@ from typing import Any
 class BadInput(ValueError):
     """A request or an input that is not valid; the message states the fact, the place and the remedy."""
 
+    def _render_traceback_(self) -> list[str]:
+        """Return what a notebook shows instead of the frames of our code, as the command line does."""
+        return [f"{type(self).__name__}: {self}"]
+
 
 def nearest(name: str, known: list[str]) -> str:
     """Return the end of an error message: the nearest known name, or all of them."""

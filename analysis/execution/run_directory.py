@@ -153,7 +153,7 @@ class RunDir:
         except (ValidationError, TypeError):
             missing.append("its study cannot be read")
         if missing:
-            raise BadInput(f"{file} is damaged ({missing[0]}): name another directory with --out")
+            raise BadInput(f"{file} is damaged ({missing[0]}): name another directory by --out, in Python out=")
         return {"files": {}, "imports": {}, "certificates": {}, "instructions": {}, **content}
 
     @contextmanager
@@ -165,7 +165,9 @@ class RunDir:
             with FileLock(self.path / ".lock", timeout=0):
                 yield
         except Timeout:
-            raise BadInput(f"another run is writing to {self.path}: wait for it, or name another with --out") from None
+            raise BadInput(
+                f"another run is writing to {self.path}: wait for it, or name another by --out, in Python out="
+            ) from None
 
     def open(self, manifest: dict[str, Any]) -> None:
         """Begin a run, or continue that of the same settings."""
@@ -279,7 +281,7 @@ def _continue_manifest(folder: Path, found: dict[str, Any], asked: dict[str, Any
     for key, said in MUST_AGREE.items():
         unlike += [said.format(name) for name, one in asked[key].items() if found[key].get(name, one) != one]
     if unlike:
-        raise BadInput(f"{folder} holds {unlike[0]}; name another directory with --out")
+        raise BadInput(f"{folder} holds {unlike[0]}; name another directory by --out, in Python out=")
     cells = dict(found["cells"])
     for scenario, cell in asked["cells"].items():
         before = cells.get(scenario, {}).get("estimators", {})

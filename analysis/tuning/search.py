@@ -18,6 +18,7 @@ hyper-parameter optimization", NIPS 2011; T. Akiba et al., "Optuna", KDD 2019; T
 scoring rules", J. American Statistical Association 102, 2007.
 """
 
+import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
@@ -136,7 +137,9 @@ class Sampler:
     """
 
     def __init__(self, space: Space, seed: int) -> None:
-        import optuna
+        with warnings.catch_warnings():  # of tqdm, which optuna imports, that a notebook lacks a progress bar
+            warnings.simplefilter("ignore")
+            import optuna
 
         optuna.logging.set_verbosity(optuna.logging.WARNING)
         self.space = space

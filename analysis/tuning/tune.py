@@ -24,6 +24,7 @@ import pandas as pd
 
 from cooploc.analysis.execution.run import RunProgress, Silent, execute, prepare
 from cooploc.analysis.execution.run_directory import read_run, replace_file
+from cooploc.analysis.formats import count_of
 from cooploc.analysis.metrics import statistics
 from cooploc.analysis.metrics.compare import compare
 from cooploc.analysis.metrics.errors import CELL, drop_failed, weighted_means
@@ -34,6 +35,7 @@ from cooploc.estimators.errors import BadInput
 from cooploc.estimators.registry import parse
 from cooploc.scenarios import family, resolve, simulate
 from cooploc.scenarios.recordings.inspect.draft_toml import toml
+from cooploc.scenarios.runner.run import list_table
 from cooploc.scenarios.scenario import ResolvedScenario, split_family
 from cooploc.scenarios.stream import Stream, Truth
 from cooploc.scenarios.studies.study import Block, ResolvedCell, ResolvedStudy, Study
@@ -68,7 +70,10 @@ class Tuned:
         return order(self.rows, self.tuned, by)
 
     def __repr__(self) -> str:
-        return f"Tuned({str(self.folder)!r}, {len(self.tuned)} estimators, budget {self.record['budget']})"
+        return f"Tuned({str(self.folder)!r}, {count_of(len(self.tuned), 'estimator')}, budget {self.record['budget']})"
+
+    def _repr_html_(self) -> str:
+        return list_table(("estimator", "tuned"), repr(self), self.tuned.items())
 
 
 def tune(
@@ -88,7 +93,7 @@ def tune(
         raise BadInput(f"budget is {budget}; it must be at least 1 trial, and at most {MOST_BUDGET}")
     require_objective(objective)
     if out.exists() and not (out / "training").is_dir() and (not out.is_dir() or any(out.iterdir())):
-        raise BadInput(f"{out} exists and is not the directory of a tuning; name another with --out")
+        raise BadInput(f"{out} exists and is not the directory of a tuning; name another by --out, in Python out=")
     watcher, seed = progress or Silent(), derived_seed(study.seed, "training")
     asked = prepare(study.model_copy(update={"seed": seed}), data, isolate=isolate, say=watcher.say)
     own = lanes(asked.cells, study.training, data)

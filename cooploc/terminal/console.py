@@ -2,11 +2,14 @@
 
 import time
 import unicodedata
+from html import escape
 from typing import Any
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.text import Text
+
+from cooploc.analysis.formats import duration
 
 HIDDEN = {"Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp"}  # Unicode's control, format, surrogate, private, separating
 KEPT = {"\n", "\t"}
@@ -44,11 +47,17 @@ def make_console(stderr: bool = False, every: bool = False) -> Console:
     return PlainConsole(stderr=stderr, soft_wrap=True, width=UNLIMITED if every else PIPED)
 
 
-LINE_EVERY = 5.0  # [s]
+LINE_EVERY, SHOW_EVERY = 5.0, 0.5  # [s] of lines, and of what a notebook displays in one place
+
+
+def _in_notebook(line: str, share: float | None = None) -> dict[str, str]:
+    """Return a line as a notebook displays it, with a bar in front."""
+    bar = f'<progress value="{share:.3f}"></progress> ' if share is not None else ""
+    return {"text/plain": line, "text/html": f"{bar}{escape(line)}"}
 
 
 class TerminalProgress:
-    """Counts (estimator, trial) pairs on stderr, in a bar on a terminal, else in a line now and then."""
+    """Counts (estimator, trial) pairs: a bar on a terminal or in a notebook, else a line on stderr now and then."""
 
     def __init__(self) -> None:
         self.total, self.done, self.failed, self._said = 0, 0, 0, time.monotonic()
@@ -57,13 +66,21 @@ class TerminalProgress:
         columns = (BarColumn(bar_width=16), MofNCompleteColumn(), TimeRemainingColumn(compact=True), text)
         self._bar = Progress(*columns, console=self._console, transient=True, disable=not self._console.is_terminal)
         self._task = self._bar.add_task("starting", total=None)
+        self._notebook: Any = None  # the handle of what it displays
 
     def __enter__(self) -> "TerminalProgress":
         self._bar.start()
+        if self._console.is_jupyter:
+            from IPython.display import display
+
+            self._notebook = display(_in_notebook("starting"), raw=True, display_id=True)
         return self
 
-    def __exit__(self, *_: object) -> None:
+    def __exit__(self, kind: type | None, *_: object) -> None:
         self._bar.stop()
+        if self._notebook:
+            ended = "interrupted: what was finished is kept, and the same call goes on from there"
+            self._notebook.update(_in_notebook(ended if kind is KeyboardInterrupt else ""), raw=True)
 
     def begin(self, trials: int, found: int) -> None:
         """Start: (estimator, trial) pairs in all, and those found on disk already."""
@@ -77,9 +94,15 @@ class TerminalProgress:
         self.done, self.failed = self.done + trials, self.failed + failed
         text = f"{f'{self.failed} failed, ' if self.failed else ''}{visible(what)}"
         self._bar.update(self._task, completed=self.done, description=text)
-        if self._bar.disable and time.monotonic() - self._said > LINE_EVERY:
-            self._said = time.monotonic()
-            self.say(f"{self.done} of {self.total} trials ({text})")
+        if not self._bar.disable or time.monotonic() - self._said < (SHOW_EVERY if self._notebook else LINE_EVERY):
+            return
+        self._said, line = time.monotonic(), f"{self.done} of {self.total} trials ({text})"
+        if self._notebook:
+            left = self._bar.tasks[0].time_remaining
+            line += f", about {duration(left)} left" if left else ""
+            self._notebook.update(_in_notebook(line, self.done / self.total), raw=True)
+        else:
+            self.say(line)
 
     def say(self, line: str) -> None:
         """Print something that the user should know, above the bar."""

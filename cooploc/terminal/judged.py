@@ -74,7 +74,7 @@ def _show(
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as e:
-        raise BadInput(f"{out}: cannot be made ({e.strerror}); name another folder with --out") from None
+        raise BadInput(f"{out}: cannot be made ({e.strerror}); name another folder by --out, in Python out=") from None
     tables.keep_tables(table, rows, out)
     if robots is not None:
         (out / "robots.csv").write_text(csv_text(robots), encoding="utf-8")

@@ -37,10 +37,12 @@ from cooploc.analysis.report.tables import Table, csv_text, frame, number_column
 from cooploc.estimators.registry import shorten_labels
 from cooploc.scenarios.conformance import FIRST, Report
 from cooploc.scenarios.recordings.scenario import NO_ORDER
+from cooploc.scenarios.runner.run import list_table
 from cooploc.scenarios.studies.study import Study, stream_sentence
 from cooploc.terminal.console import make_console
 
 ONE_PROCESS = "all or some of this ran in one process (--no-isolate): estimators may have disturbed each other"
+CAPTION = "in brackets: 95 % intervals over trials; bold: the lowest RMSE of those that may be called best"
 IN_ONE_PICTURE = 12  # scenarios; `cooploc report` draws one of each experiment
 
 
@@ -109,14 +111,25 @@ def show_table(
             console.print(one.terminal(partial(_bold, best)))
             console.print()
         bracketed = not every_column and table["rmse_low"].notna().any()
-        brackets = "in brackets: 95 % intervals over trials; " * bool(bracketed)
-        console.print(f"{brackets}bold: the lowest RMSE of those that may be called best", style="dim")
+        console.print(CAPTION if bracketed else CAPTION.partition("; ")[2], style="dim")
         for text in (*_legend(shown), *[words("captions")["stopped"]] * ("look" in table)) if legend else ():
             console.print(text, style="dim")
         if every_column and (counted := events(rows)).rows:
             console.print(counted.terminal())
     for text in (*ranking.certificate_remarks(table), *outlier_warnings(table)):
         console.print(text)
+
+
+def results_html(table: pd.DataFrame) -> str:
+    """Return the table of `compare` as notebooks show it: for each scenario, what the command line prints."""
+    text = ""
+    for one in (_results(name, part, every_column=False) for name, part in _by_scenario(table)):
+        best = lowest_that_qualifies(one.rows)
+        strong = next((i for i, row in enumerate(one.rows) if row is best), None)
+        shown = [column for column in one.columns if any(map(column.text, one.rows))]
+        texts = [[column.text(row) for column in shown] for row in one.rows]
+        text += list_table([column.head for column in shown], one.caption, texts, strong)
+    return f"{text}<p>{CAPTION}</p>"
 
 
 def _bold(chosen: dict[str, Any] | None, row: dict[str, Any]) -> str:

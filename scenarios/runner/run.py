@@ -85,11 +85,16 @@ class Run:
         return _dataset(self, truth)
 
 
-def list_table(header: tuple[str, ...], title: str, rows: Iterable[tuple[object, ...]]) -> str:
-    """Return a table for notebooks in HTML: a caption, and lines under a header, with everything escaped."""
-    head = "".join(f"<th>{escape(name)}</th>" for name in header)
-    body = "".join(f"<tr>{''.join(f'<td>{escape(str(cell))}</td>' for cell in row)}</tr>" for row in rows)
-    return f'<table><caption style="text-align:left">{escape(title)}</caption><tr>{head}</tr>{body}</table>'
+def list_table(header: Iterable[str], title: str, rows: Iterable[Iterable[object]], strong: int | None = None) -> str:
+    """Return a table for notebooks in HTML: a caption, and lines under a header, one of them `strong`; all escaped."""
+    left = 'style="text-align:left;white-space:nowrap"'
+    head = "".join(f"<th {left}>{escape(name)}</th>" for name in header)
+    body = ""
+    for number, row in enumerate(rows):
+        bold = "font-weight:bold" * (number == strong)
+        cells = "".join(f'<td style="text-align:left;{bold}">{escape(str(cell))}</td>' for cell in row)
+        body += f"<tr>{cells}</tr>"
+    return f"<table><caption {left}>{escape(title)}</caption><tr>{head}</tr>{body}</table>"
 
 
 def run(estimators: Any, stream: Stream, jobs: int = 1, isolate: bool = True, time_limit: float = TIME_LIMIT) -> Run:
@@ -245,7 +250,9 @@ def _name_in_errors(one: PluginJob) -> Iterator[None]:
     try:
         yield
     except WorkerError as e:
-        raise EstimatorError(f"{one.name}: {e}") from e.__cause__ or e
+        named = EstimatorError(f"{one.name}: {e}")
+        named.__dict__ |= e.__dict__  # what a notebook shows
+        raise named from e.__cause__ or e
 
 
 def find_misfits(

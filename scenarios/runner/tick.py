@@ -143,6 +143,8 @@ def _count(wire, awake, addressed, itemsize, messages, size):
 class EstimatorError(RuntimeError):
     """An estimator that broke the interface while it ran."""
 
+    _render_traceback_ = BadInput._render_traceback_
+
 
 # Makes every call of an estimator's method, by its name, tick, arguments (state first) and the method itself.
 Watcher = Callable[[str, int, tuple[Any, ...], Any], Any]

@@ -85,7 +85,7 @@ def test_run_study_keeps_rows_table_and_picture_and_load_run_reads_them(results,
     pd.testing.assert_frame_equal(results.table, cl.compare(results.rows, baseline="arl", full=True))
     assert results.failures.empty
     assert {"manifest.json", "table.csv", "rmse.png"} <= {file.name for file in (place / "run").iterdir()}
-    assert "1 scenarios, 2 estimators" in repr(results)
+    assert "1 scenario, 2 estimators" in repr(results)
     assert "ekf-local" in results._repr_html_()
     loaded = cl.load_run(place / "run")
     pd.testing.assert_frame_equal(loaded.rows, results.rows)

@@ -131,7 +131,7 @@ def test_two_runs_into_one_directory_are_refused_until_the_first_is_gone(held, p
     until(lambda: marks(held / "run"))
     second = finish("run", "small.toml", "--out", "run", plugins=plugins, cwd=held)
     assert (second.returncode, second.stderr.count("\n")) == (2, 1)
-    assert "another run is writing to run: wait for it, or name another with --out" in second.stderr
+    assert "another run is writing to run: wait for it, or name another by --out" in second.stderr
     first.kill()
     first.communicate()
     third = finish("run", "small.toml", "--out", "run", plugins=plugins, cwd=held)

@@ -1,0 +1,77 @@
+"""What a notebook shows of progress, of mistakes and of results: one place, one line, the command line's table."""
+
+import sys
+from types import SimpleNamespace
+
+import pytest
+
+import cooploc as cl
+from cooploc.analysis.report.result_tables import lowest_that_qualifies
+from cooploc.estimators.dead_reckoning import DeadReckoning
+from cooploc.terminal import console, tables
+
+
+class Strange(Exception):
+    """Of a class that the process of a plug-in does not share."""
+
+
+class Raises(DeadReckoning):
+    def __init__(self, error=ValueError):
+        object.__setattr__(self, "error", error)
+
+    def predict(self, s, z):
+        raise self.error("oops")
+
+
+@pytest.mark.parametrize("ended", [None, KeyboardInterrupt])
+def test_progress_is_one_output_that_is_empty_at_the_end_or_says_how_to_go_on(monkeypatch, ended):
+    shown = []
+    handle = SimpleNamespace(update=lambda bundle, raw: shown.append(bundle))
+    display = SimpleNamespace(display=lambda bundle, raw, display_id: handle)
+    monkeypatch.setitem(sys.modules, "IPython.display", display)
+    monkeypatch.setattr(console, "SHOW_EVERY", 0)
+    progress = console.TerminalProgress()
+    progress._console.is_jupyter = True
+    with progress:
+        progress.begin(8, 0)
+        for _ in range(2):
+            progress.advance("quick · <b> · arl", 2, 0)
+    progress.__exit__(ended)
+    assert shown[1]["text/plain"].startswith("4 of 8 trials (quick · <b> · arl)")
+    assert shown[1]["text/html"].startswith(
+        '<progress value="0.500"></progress> 4 of 8 trials (quick · &lt;b&gt; · arl)'
+    )
+    assert shown[-1]["text/plain"] == (
+        "interrupted: what was finished is kept, and the same call goes on from there" if ended else ""
+    )
+
+
+def test_bad_input_is_one_line():
+    with pytest.raises(cl.BadInput) as e:
+        cl.simulate("nols")
+    assert e.value._render_traceback_() == [f"BadInput: {e.value}"]
+
+
+@pytest.mark.parametrize(("error", "line"), [(ValueError, "ValueError: oops"), (Strange, "Strange: oops")])
+def test_an_error_of_an_estimator_shows_its_own_lines_alone(error, line):
+    stream = cl.simulate("trajectory[ticks=2]", trials=1)[1]
+    with pytest.raises((ValueError, cl.EstimatorError)) as e:
+        cl.run({"mine": Raises(error)}, stream)
+    place, source, said, debug = e.value._render_traceback_()
+    assert "test_in_notebooks.py" in place
+    assert source.strip() == 'raise self.error("oops")'
+    assert said == line
+    assert "isolate=False" in debug
+
+
+def test_results_are_the_tables_of_the_command_line_with_nothing_empty():
+    truth, stream = cl.simulate("trajectory[ticks=4]", trials=6)
+    run = cl.run({"<b>": "dead-reckoning", "arl": "arl"}, stream)
+    table = cl.compare(cl.errors(truth, run), baseline="arl", full=True)
+    text = tables.results_html(table)
+    assert (text.count("<table>"), text.count("<tr>")) == (1, 3)
+    assert "&lt;b&gt;" in text
+    assert "RMSE [m]" in text
+    assert "remark" not in text
+    best = lowest_that_qualifies(table.to_dict("records"))
+    assert text.count("font-weight:bold") == text.count("<th ") * (best is not None)
