@@ -47,6 +47,7 @@ def make_console(stderr: bool = False, every: bool = False) -> Console:
     return PlainConsole(stderr=stderr, soft_wrap=True, width=UNLIMITED if every else PIPED)
 
 
+STARTING = "starting; the first time, it compiles"
 LINE_EVERY, SHOW_EVERY = 5.0, 0.5  # [s] of lines, and of what a notebook displays in one place
 
 
@@ -65,7 +66,7 @@ class TerminalProgress:
         text = TextColumn("{task.description}", markup=False)
         columns = (BarColumn(bar_width=16), MofNCompleteColumn(), TimeRemainingColumn(compact=True), text)
         self._bar = Progress(*columns, console=self._console, transient=True, disable=not self._console.is_terminal)
-        self._task = self._bar.add_task("starting", total=None)
+        self._task = self._bar.add_task(STARTING, total=None)
         self._notebook: Any = None  # the handle of what it displays
 
     def __enter__(self) -> "TerminalProgress":
@@ -73,7 +74,7 @@ class TerminalProgress:
         if self._console.is_jupyter:
             from IPython.display import display
 
-            self._notebook = display(_in_notebook("starting"), raw=True, display_id=True)
+            self._notebook = display(_in_notebook(STARTING), raw=True, display_id=True)
         return self
 
     def __exit__(self, kind: type | None, *_: object) -> None:
@@ -87,7 +88,7 @@ class TerminalProgress:
         if found and not self.total:  # not at every look of a run until decided
             self.say(f"{found} of {trials} trials are on disk already")
         self.total, self.done = trials, found
-        self._bar.reset(self._task, total=trials, completed=found, description="")
+        self._bar.reset(self._task, total=trials, completed=found, description=STARTING)
 
     def advance(self, what: str, trials: int, failed: int) -> None:
         """Take note of a finished part."""
