@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
+from html import escape
 from itertools import product
 from os import PathLike
 from pathlib import Path
@@ -41,7 +42,7 @@ from cooploc.analysis.tuning.tune import tune as tune_study
 from cooploc.estimators import split_labels
 from cooploc.estimators.errors import BadInput
 from cooploc.scenarios import family, simulate
-from cooploc.scenarios.runner.run import run
+from cooploc.scenarios.runner.run import list_table, run
 from cooploc.scenarios.scenario import split_family
 from cooploc.scenarios.studies.study import Study, load
 from cooploc.terminal import tables
@@ -79,13 +80,20 @@ AnyLedger = ledgers.Ledger | str | Path | None  # its TOML file; None: the claim
 Names = str | Iterable[str]  # as a list, or separated by commas
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class RunChanges:
     """The differences between two runs."""
 
     table: pd.DataFrame  # one row per (scenario, estimator); `analysis.report.run_diff.COLUMNS` says what columns mean
     settings: list[str]  # what differs of seed, versions, source, parameters
     sentences: list[str]  # what the changes come to
+
+    def __repr__(self) -> str:
+        return f"RunChanges({'; '.join([*self.sentences, *self.settings])})"
+
+    def _repr_html_(self) -> str:
+        lines = "".join(f"<li>{escape(line)}</li>" for line in (*self.sentences, *self.settings))
+        return f"{run_diff.table(self.table).notebook()}<ul>{lines}</ul>"
 
     def markdown(self, title: str = "What changed") -> str:
         """Return a heading, a table and sentences in Markdown."""
@@ -105,12 +113,18 @@ class RunChanges:
         return bool((found.isin(run_diff.WORSE) if verdict == "worse" else found != run_diff.SAME).any())
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Reproduced:
     """Trials of a report that were run again."""
 
     table: pd.DataFrame  # one row per (scenario, trial, estimator): `equal`, RMSE [m] `before` and `after`, `remark`
     differences: list[str]  # of this machine from that of the report: versions, source, processor
+
+    def __repr__(self) -> str:
+        return f"Reproduced({self.table['equal'].sum()} of {count_of(len(self.table), 'trial')} bit-equal)"
+
+    def _repr_html_(self) -> str:
+        return list_table(map(str, self.table), repr(self), self.table.itertuples(index=False))
 
     @property
     def equal(self) -> bool:

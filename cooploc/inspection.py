@@ -55,7 +55,10 @@ class Inspection:
         return str(shown.to_html(index=False))
 
     def sketch(self, path: str | Path | None = None) -> Figure:
-        """Draw tracks, who measured whom, and what was recorded when; a path gets a PNG."""
+        """Draw tracks, who measured whom, and what was recorded when; a path gets a PNG.
+
+        The figure is closed for pyplot: as the last line of a notebook's cell it is shown, and only once.
+        """
         from matplotlib import pyplot
 
         from cooploc.analysis.plot.worlds import recording
@@ -65,7 +68,7 @@ class Inspection:
         figure = recording(found.corrected, found.log.name + note)
         if path is not None:
             run_directory.replace_file(Path(path), lambda temporary: figure.savefig(temporary, format="png", dpi=120))
-            pyplot.close(figure)
+        pyplot.close(figure)
         return figure
 
     def write(self, folder: str | Path | None = None, force: bool = False) -> list[Path]:

@@ -20,6 +20,7 @@ from rich.text import Text
 
 from cooploc.analysis.formats import Format, count_of, interval
 from cooploc.estimators.registry import shorten_labels
+from cooploc.scenarios.runner.run import list_table
 
 Row = dict[Any, Any]  # key -> value, as of `DataFrame.to_dict("records")`
 
@@ -110,6 +111,12 @@ class Table:
         """Return one line per row with the values in full; what is absent is empty."""
         keys = [key for column in self.columns for key in column.keys]
         return csv_text(pd.DataFrame(self.rows, columns=keys, dtype=object))
+
+    def notebook(self, strong: int | None = None) -> str:
+        """Return HTML for a notebook, without columns that say nothing; the row of number `strong` is bold."""
+        shown = [column for column in self.columns if any(map(column.text, self.rows))]
+        texts = [[column.text(row) for column in shown] for row in self.rows]
+        return list_table([column.head for column in shown], self.caption, texts, strong)
 
     def terminal(self, style: Callable[[Row], str] = lambda _: "") -> "TerminalTable":
         """Return what rich prints; `style` colours a row."""

@@ -34,10 +34,10 @@ from cooploc.analysis.report.result_tables import (
     sort_rows,
 )
 from cooploc.analysis.report.tables import Table, csv_text, frame, number_column, text_column, words
+from cooploc.estimators.errors import BadInput
 from cooploc.estimators.registry import shorten_labels
 from cooploc.scenarios.conformance import FIRST, Report
 from cooploc.scenarios.recordings.scenario import NO_ORDER
-from cooploc.scenarios.runner.run import list_table
 from cooploc.scenarios.studies.study import Study, stream_sentence
 from cooploc.terminal.console import make_console
 
@@ -126,9 +126,7 @@ def results_html(table: pd.DataFrame) -> str:
     for one in (_results(name, part, every_column=False) for name, part in _by_scenario(table)):
         best = lowest_that_qualifies(one.rows)
         strong = next((i for i, row in enumerate(one.rows) if row is best), None)
-        shown = [column for column in one.columns if any(map(column.text, one.rows))]
-        texts = [[column.text(row) for column in shown] for row in one.rows]
-        text += list_table([column.head for column in shown], one.caption, texts, strong)
+        text += one.notebook(strong)
     return f"{text}<p>{CAPTION}</p>"
 
 
@@ -192,9 +190,25 @@ CONTENT_COLUMNS = (
 )
 
 
-def show(run: str | PathLike[str]) -> None:
-    """Print what a run, by its directory or its `Results`, holds, what is missing, and what failed and why."""
-    held, console = read_run(run, empty=True), make_console()
+def show(what: str | PathLike[str] | pd.DataFrame, ledger: str | Path | None = None) -> None:
+    """Print what a run, by its directory or its `Results`, holds, what is missing, and what failed and why.
+
+    A table of `cl.verdicts`, with the `ledger` that it was judged by, or of `cl.compare` with full=True is printed as
+    the command line prints it.
+
+    Raises:
+        BadInput: it is no run, and none of these tables.
+
+    """
+    if isinstance(what, pd.DataFrame):
+        if {"claim", "verdict", "map"} <= set(what):
+            show_verdicts(what, ledgers.load(ledger))
+        elif {"baseline", "robots", "stream"} <= set(what):
+            show_table(what, what, as_json=False)
+        else:
+            raise BadInput("cl.show prints a run, cl.verdicts(...) and cl.compare(..., full=True), no other table")
+        return
+    held, console = read_run(what, empty=True), make_console()
     manifest, decisions, certificates = held.manifest, held.decisions, held.manifest["certificates"]
     verdicts = {(one["scenario"], one["estimator"]): one for one in (decisions or {"comparison": []})["comparison"]}
     ended = held.rows.drop_duplicates(["scenario", "estimator", "trial"])

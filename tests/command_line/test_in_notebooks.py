@@ -64,6 +64,17 @@ def test_an_error_of_an_estimator_shows_its_own_lines_alone(error, line):
     assert "isolate=False" in debug
 
 
+def test_what_a_function_returned_is_shown_as_the_command_line_does(capsys):
+    truth, stream = cl.simulate("trajectory[ticks=4]", trials=6)
+    errors = cl.errors(truth, cl.run(["arl", "mrsl-rssi"], stream))
+    cl.show(cl.compare(errors, baseline="arl", full=True))
+    assert "trajectory[ticks=4]: 3 robots, 6 trials" in capsys.readouterr().out
+    cl.show(cl.verdicts(errors))
+    assert "Not run at all" in capsys.readouterr().out
+    with pytest.raises(cl.BadInput, match="no other table"):
+        cl.show(errors)
+
+
 def test_results_are_the_tables_of_the_command_line_with_nothing_empty():
     truth, stream = cl.simulate("trajectory[ticks=4]", trials=6)
     run = cl.run({"<b>": "dead-reckoning", "arl": "arl"}, stream)
