@@ -244,8 +244,9 @@ class VerdictCounts(NamedTuple):
     expected: float  # decided ones expected to be false, by `statistics.expected_false`
 
     def __str__(self) -> str:
+        are, stand = "is" if self.decided == 1 else "are", "stands" if self.stand == 1 else "stand"
         return (
-            f"Of {count_of(self.judged, 'judged case')} {self.decided} are decided, and {self.stand} of these stand "
+            f"Of {count_of(self.judged, 'judged case')} {self.decided} {are} decided, and {self.stand} of these {stand} "
             f"after Holm's correction over all; about {self.expected:.1f} are expected to be false, judging by how "
             "many p-values lie above one half."
         )

@@ -36,13 +36,13 @@ PIPED, UNLIMITED = 100, 400  # characters that a table may be wide in a file or 
 
 
 def make_console(stderr: bool = False, every: bool = False) -> Console:
-    """Return a console as wide as the terminal, which breaks lines between words.
+    """Return a console as wide as the terminal or a notebook, which breaks lines between words.
 
     In a file or a pipe sentences are as long as they are, for other programs, and tables as wide as a page, or, with
     `every` column, as they need.
     """
     console = PlainConsole(stderr=stderr)
-    if console.is_terminal:
+    if console.is_terminal or console.is_jupyter:
         return console
     return PlainConsole(stderr=stderr, soft_wrap=True, width=UNLIMITED if every else PIPED)
 
