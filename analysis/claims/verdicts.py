@@ -246,9 +246,9 @@ class VerdictCounts(NamedTuple):
     def __str__(self) -> str:
         are, stand = "is" if self.decided == 1 else "are", "stands" if self.stand == 1 else "stand"
         return (
-            f"Of {count_of(self.judged, 'judged case')} {self.decided} {are} decided, and {self.stand} of these {stand} "
-            f"after Holm's correction over all; about {self.expected:.1f} are expected to be false, judging by how "
-            "many p-values lie above one half."
+            f"Of {count_of(self.judged, 'judged case')} {self.decided} {are} decided, and {self.stand} of these "
+            f"{stand} after Holm's correction over all; about {self.expected:.1f} are expected to be false, judging by "
+            "how many p-values lie above one half."
         )
 
 
