@@ -221,7 +221,13 @@ def _question_of(ledger: ledgers.Ledger) -> Callable[[pd.DataFrame, int], Answer
 
 def _read_study(study: Any, trials: Any, seed: Any, estimators: Any, out: Any, suffix: str = "") -> tuple[Study, Path]:
     """Return the study that a call asks for, and its directory, by default `runs/STUDY-seedN` and the suffix."""
-    only = None if estimators is None else tuple(_list(estimators))
+    named = [] if estimators is None else _list(estimators)
+    if isinstance(estimators, Mapping) or not all(isinstance(one, str) for one in named):
+        raise BadInput(
+            "a study takes estimators by name: write the class into a file (%%writefile mine.py in a notebook), and "
+            "name it 'mine.py:Mine'; cl.run and cl.sweep take classes and objects"
+        )
+    only = None if estimators is None else tuple(named)
     if only == ():
         raise BadInput("estimators is empty: name some, or leave it out for the study's")
     asked = load(str(study)).replace_options(trials=trials, seed=seed, only=only)

@@ -36,6 +36,12 @@ class Air(NamedTuple):
     range: Array  # [m]
 
 
+def _size(trials: int, ticks: int, robots: int) -> str:
+    counts = {"trial": trials, "tick": ticks, "robot": robots}
+    a, b, c = (f"{count} {noun}{'s' * (count != 1)}" for noun, count in counts.items())
+    return f"{a} of {b}, {c}"
+
+
 @dataclass(frozen=True, eq=False)
 class Truth:
     """The true path of every robot, which no estimator ever sees."""
@@ -49,7 +55,7 @@ class Truth:
 
     def __repr__(self) -> str:
         t, ticks, n, _ = self.x.shape
-        return f"Truth({self.scenario!r}, {t} trials of {ticks} ticks, {n} robots)"
+        return f"Truth({self.scenario!r}, {_size(t, ticks, n)})"
 
     def select(self, trials: slice | list[int]) -> "Truth":
         """Return some of the trials."""
@@ -76,7 +82,7 @@ class Stream:
             array.flags.writeable = False
 
     def __repr__(self) -> str:
-        size = f"{len(self.trial)} trials of {len(self.time)} ticks, {self.robots} robots"
+        size = _size(len(self.trial), len(self.time), self.robots)
         return f"Stream({self.scenario!r}, seed {self.seed}, {size}, {', '.join(sorted(self.channels()))})"
 
     @property

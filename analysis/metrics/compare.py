@@ -136,7 +136,7 @@ def summarize(errors: pd.DataFrame) -> pd.DataFrame:
         BadInput: `errors` is neither from `errors` nor the rows of a run directory.
 
     """
-    _demand_errors(errors)
+    require_errors(errors)
     return _summary(errors, trial_means(errors))
 
 
@@ -207,7 +207,7 @@ def compare(errors: pd.DataFrame, baseline: str | Mapping[str, str], full: bool 
             streams or ticks.
 
     """
-    _demand_errors(errors)
+    require_errors(errors)
     known, scenarios = list(errors["estimator"].unique()), list(errors["scenario"].unique())
     against = baseline if isinstance(baseline, Mapping) else dict.fromkeys(scenarios, baseline)
     for scenario in scenarios:
@@ -237,8 +237,9 @@ def compare(errors: pd.DataFrame, baseline: str | Mapping[str, str], full: bool 
     return everything if full else everything[list(SHORT)]
 
 
-def _demand_errors(errors: object) -> None:
-    wanted = "it must be the table that cl.errors returns"
+def require_errors(errors: object) -> None:
+    """Refuse what is not a table of `cl.errors` with rows."""
+    wanted = "it must be the table that cl.errors returns, or results.rows of a study"
     if not isinstance(errors, pd.DataFrame):
         raise BadInput(f"errors is of type {type(errors).__name__}; {wanted}")
     if missing := [name for name in COLUMNS if name not in errors]:

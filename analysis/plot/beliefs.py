@@ -53,6 +53,8 @@ def trajectories(truth: Truth, run: Run, trial: int = 0, robot: int = 0) -> Axes
     those of the first are returned.
     """
     i = find_place(truth, run, trial)[0]
+    if not 0 <= robot < truth.x.shape[2]:
+        raise BadInput(f"robot is {robot}; there are {truth.x.shape[2]}, from 0 on")
     pens = style.session_pens(run.traces)
     axes = style.new_panels(len(run.traces), 2, (3.7, 3.7), sharex=True, sharey=True)
     for ax, (name, trace) in zip(axes, run.traces.items(), strict=True):

@@ -21,7 +21,7 @@ from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from cooploc.analysis.metrics.compare import summarize
+from cooploc.analysis.metrics.compare import require_errors, summarize
 from cooploc.analysis.metrics.consistency import consistency
 from cooploc.analysis.metrics.errors import is_offline
 from cooploc.analysis.metrics.ranking import is_refused
@@ -146,6 +146,7 @@ def _line_of(row: Row, line: Any) -> Any:
 
 def summarize_for_figures(errors: pd.DataFrame) -> pd.DataFrame:
     """Return the table of `summarize` with `consistency`, `centralised`, `bound` and `offline` of each row."""
+    require_errors(errors)
     flags = errors.assign(offline=is_offline(errors)).groupby(["scenario", "estimator"], sort=False)
     standing = flags[["centralised", "bound", "offline"]].any().reset_index(drop=True)
     table = summarize(errors)

@@ -53,7 +53,7 @@ ROUNDING = 1e-9  # asymmetry and negative variance that are allowed, relative to
 NOTHING = 1e-200  # a smaller covariance is zero: subnormal numbers have too few digits to be symmetric or definite
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Trace:
     """The beliefs of one estimator at every tick, and their cost."""
 
@@ -68,6 +68,10 @@ class Trace:
     senses: str = ""  # what it reads beside odometry, in words
     offline: bool = False  # it saw the readings of later ticks, too
     trained_on: str = ""  # what it says that it was trained on
+
+    def __repr__(self) -> str:
+        trials, ticks, robots, size = self.x.shape
+        return f"Trace(x of {trials} x {ticks} x {robots} x {size}: trials, ticks, robots, state; P, messages, bytes)"
 
     @classmethod
     def of(cls, x: Array, P: Array | None = None) -> "Trace":

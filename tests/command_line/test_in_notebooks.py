@@ -46,9 +46,18 @@ def test_progress_is_one_output_that_is_empty_at_the_end_or_says_how_to_go_on(mo
     )
 
 
-def test_bad_input_is_one_line():
-    with pytest.raises(cl.BadInput) as e:
-        cl.simulate("nols")
+@pytest.mark.parametrize(
+    ("call", "said"),
+    [
+        (lambda: cl.simulate("nols"), "did you mean 'nlos'"),
+        (lambda: cl.run_study("quick", estimators=["arl", Raises]), "%%writefile mine.py"),
+        (lambda: cl.tune("quick", estimators={"mine": "arl"}), "a study takes estimators by name"),
+        (lambda: cl.plot.rmse("runs"), "the table that cl.errors returns"),
+    ],
+)
+def test_a_mistake_is_one_line(call, said):
+    with pytest.raises(cl.BadInput, match=said) as e:
+        call()
     assert e.value._render_traceback_() == [f"BadInput: {e.value}"]
 
 
