@@ -314,14 +314,17 @@ def sweep(
     if not swept or not all(swept.values()):
         raise BadInput("nothing is swept: give several values of a parameter, such as drop={0, 0.5}")
     fixed = {name: value for name, value in parameters.items() if name not in swept}
-    tables = []
-    for values in product(*swept.values()):
-        chosen = dict(zip(swept, values, strict=True))
-        label, overrides = _label_with(scenario, {**fixed, **chosen})
-        truth, stream = simulate(label, trials=trials, seed=seed, data=data, **overrides)
-        table = errors(truth, run(estimators, stream, jobs=jobs))
-        tables.append(table.assign(**{name: value for name, value in chosen.items() if name not in table}))
-    return pd.concat(tables, ignore_index=True)
+    points, found = list(product(*swept.values())), []
+    with TerminalProgress() as progress:
+        progress.begin(trials * len(points), 0)
+        for values in points:
+            chosen = dict(zip(swept, values, strict=True))
+            label, overrides = _label_with(scenario, {**fixed, **chosen})
+            truth, stream = simulate(label, trials=trials, seed=seed, data=data, **overrides)
+            table = errors(truth, run(estimators, stream, jobs=jobs))
+            found.append(table.assign(**{name: value for name, value in chosen.items() if name not in table}))
+            progress.advance(stream.scenario, trials, 0)
+    return pd.concat(found, ignore_index=True)
 
 
 def _label_with(scenario: str, parameters: Mapping[str, Any]) -> tuple[str, dict[str, Any]]:

@@ -101,7 +101,7 @@ class TerminalProgress:
         if self._notebook:
             left = self._bar.tasks[0].time_remaining
             line += f", about {duration(left)} left" if left else ""
-            self._notebook.update(_in_notebook(line, self.done / self.total), raw=True)
+            self._notebook.update(_in_notebook(line, self.done / max(self.total, 1)), raw=True)
         else:
             self.say(line)
 
