@@ -315,7 +315,7 @@ def sweep(
         raise BadInput("nothing is swept: give several values of a parameter, such as drop={0, 0.5}")
     fixed = {name: value for name, value in parameters.items() if name not in swept}
     points, found = list(product(*swept.values())), []
-    with TerminalProgress() as progress:
+    with TerminalProgress("interrupted: nothing of the sweep is kept") as progress:
         progress.begin(trials * len(points), 0)
         for values in points:
             chosen = dict(zip(swept, values, strict=True))

@@ -47,6 +47,7 @@ def make_console(stderr: bool = False, every: bool = False) -> Console:
     return PlainConsole(stderr=stderr, soft_wrap=True, width=UNLIMITED if every else PIPED)
 
 
+GOES_ON = "interrupted: what was finished is kept, and the same call goes on from there"
 STARTING = "starting; the first time, it compiles"
 LINE_EVERY, SHOW_EVERY = 5.0, 0.5  # [s] of lines, and of what a notebook displays in one place
 
@@ -60,7 +61,8 @@ def _in_notebook(line: str, share: float | None = None) -> dict[str, str]:
 class TerminalProgress:
     """Counts (estimator, trial) pairs: a bar on a terminal or in a notebook, else a line on stderr now and then."""
 
-    def __init__(self) -> None:
+    def __init__(self, interrupted: str = GOES_ON) -> None:
+        self._interrupted = interrupted  # what a notebook then says
         self.total, self.done, self.failed, self._said = 0, 0, 0, time.monotonic()
         self._console = make_console(stderr=True)
         text = TextColumn("{task.description}", markup=False)
@@ -80,8 +82,7 @@ class TerminalProgress:
     def __exit__(self, kind: type | None, *_: object) -> None:
         self._bar.stop()
         if self._notebook:
-            ended = "interrupted: what was finished is kept, and the same call goes on from there"
-            self._notebook.update(_in_notebook(ended if kind is KeyboardInterrupt else ""), raw=True)
+            self._notebook.update(_in_notebook(self._interrupted if kind is KeyboardInterrupt else ""), raw=True)
 
     def begin(self, trials: int, found: int) -> None:
         """Start: (estimator, trial) pairs in all, and those found on disk already."""
