@@ -32,7 +32,11 @@ class PlainConsole(Console):
         return super().render_str(visible(text), **options)
 
 
-PIPED, UNLIMITED = 100, 400  # characters that a table may be wide in a file or a pipe; with every column
+PIPED, UNLIMITED, OF_A_CELL = (
+    100,
+    400,
+    90,
+)  # characters: of a table in a file or a pipe, with every column, in a notebook
 
 
 def make_console(stderr: bool = False, every: bool = False) -> Console:
@@ -42,7 +46,9 @@ def make_console(stderr: bool = False, every: bool = False) -> Console:
     `every` column, as they need.
     """
     console = PlainConsole(stderr=stderr)
-    if console.is_terminal or console.is_jupyter:
+    if console.is_jupyter:
+        return PlainConsole(width=OF_A_CELL)
+    if console.is_terminal:
         return console
     return PlainConsole(stderr=stderr, soft_wrap=True, width=UNLIMITED if every else PIPED)
 
