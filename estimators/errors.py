@@ -3,10 +3,13 @@
 Its message is one line that states the fact, the place and the remedy; the command line prints it and exits with 2.
 """
 
+import os
 import re
 import reprlib
+import traceback
 from collections.abc import Mapping
 from difflib import get_close_matches
+from pathlib import Path
 from typing import Any
 
 
@@ -14,8 +17,8 @@ class BadInput(ValueError):
     """A request or an input that is not valid; the message states the fact, the place and the remedy."""
 
     def _render_traceback_(self) -> list[str]:
-        """Return what a notebook shows instead of the frames of our code, as the command line does."""
-        return [f"{type(self).__name__}: {self}"]
+        """Return what a notebook shows: where in its own code, and the message; none of the frames of our code."""
+        return [*places_of_user(self), f"{type(self).__name__}: {self}"]
 
 
 def nearest(name: str, known: list[str]) -> str:
@@ -53,6 +56,21 @@ def first_reason(errors: list[Any]) -> str:
     value = first.get("input")
     said += f", not {reprlib.repr(value)}" if isinstance(value, bool | int | float | str) else ""
     return f"{place}: {said}" if place else said
+
+
+OURS = f"{Path(__file__).parents[1]}{os.sep}"  # where our code is
+
+
+def places_of_user(e: BaseException) -> list[str]:
+    """Return the lines of a traceback that are in the code of a user, such as "mine.py, line 3, in predict: x = y"."""
+    frames = [one for one in traceback.extract_tb(e.__traceback__) if not one.filename.startswith(OURS)]
+    began = max((i for i, one in enumerate(frames) if one.name == "run_code"), default=-1)  # of a notebook's cell
+    lines = []
+    for one in frames[began + 1 :]:
+        place = [Path(one.filename).name] * Path(one.filename).is_file() + [f"line {one.lineno}"]
+        where = ", ".join([*place, *[f"in {one.name}"] * (one.name != "<module>")])
+        lines.append(f"{where}: {one.line}" if one.line else where)
+    return lines
 
 
 def one_line(e: BaseException) -> str:

@@ -26,14 +26,13 @@ from typing import Any, NamedTuple
 
 import cloudpickle
 
-from cooploc.estimators.errors import BadInput, one_line
+from cooploc.estimators.errors import BadInput, one_line, places_of_user
 from cooploc.estimators.plugin_files import load, needed_files
 
 BUILTIN, PLUGINS, SESSION = "built in", "plug-ins", "session"  # owners: jobs, plug-ins of a study, objects in Python
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
 # A crash says so in one line; a process that grew by this many bytes is replaced between two calls.
 ENVIRONMENT = {**ONE_THREAD, "PYTHONFAULTHANDLER": "", "LOKY_MAX_MEMORY_LEAK_SIZE": "1e9"}
-OURS = f"{Path(__file__).parents[1]}{os.sep}"  # where our code is
 IDLE = 600  # [s] after which an idle process ends
 LONGEST = 1e7  # [s] beyond which a limit is none, as no timer goes so far
 PATIENCE = 10.0  # [s] that imports and compilation may take longer than a trial
@@ -69,7 +68,7 @@ class Outcome(NamedTuple):
     line: str = ""  # of an exception: its type and message
     traceback: str = ""
     place: str = ""
-    frames: str = ""  # of the traceback, those that are not in our code
+    places: tuple[str, ...] = ()  # in the traceback, in a user's code
 
     @classmethod
     def of_exception(cls, e: BaseException, printed: str = "") -> "Outcome":
@@ -80,10 +79,8 @@ class Outcome(NamedTuple):
                 found = pickle.dumps(e)
                 pickle.loads(found)
                 pickled = found
-        frames = traceback.extract_tb(e.__traceback__)
-        theirs = [one for one in frames if not one.filename.startswith(OURS)] or frames[-1:]
-        shown = "".join(traceback.format_list(theirs))
-        return cls(pickled, printed, one_line(e), "".join(traceback.format_exception(e)), place_of(e), shown)
+        text, places = "".join(traceback.format_exception(e)), tuple(places_of_user(e))
+        return cls(pickled, printed, one_line(e), text, place_of(e), places)
 
     def unpack(self) -> Any:
         """Return the result, or raise the exception, in the process that asked."""
@@ -92,7 +89,7 @@ class Outcome(NamedTuple):
         error: Exception = pickle.loads(self.pickled) if self.pickled else WorkerError(self.line)
         if not isinstance(error, BadInput):  # in a notebook, no frames of our code
             debug = "In a process of its own; with isolate=False it runs here, for a debugger."
-            error._render_traceback_ = partial(list, [*self.frames.splitlines(), self.line, debug])  # type: ignore[attr-defined]
+            error._render_traceback_ = partial(list, [*self.places, self.line, debug])  # type: ignore[attr-defined]
         raise error from RemoteTraceback(self.traceback, self.place)
 
 
