@@ -267,7 +267,7 @@ class Harness:
             raise CheckFailed(f"{e} ({when})", REMEDIES[covariance] if "covariance" in str(e) else "") from e
         except (Exception, SystemExit, GeneratorExit) as e:
             where = f"{at[0]}() raised at tick {at[1]} of {stream.scenario!r} ({when})"
-            raise CheckFailed(f"{where}: {one_line(e)} ({place_of(e)})") from e
+            raise CheckFailed(f"{where}: {one_line(e)}{place_of(e)}") from e
         return RunRecord(found, tuple(packets), stream)
 
     def require_same(

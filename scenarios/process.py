@@ -26,7 +26,7 @@ from typing import Any, NamedTuple
 
 import cloudpickle
 
-from cooploc.estimators.errors import BadInput, one_line, places_of_user
+from cooploc.estimators.errors import OURS, BadInput, one_line, places_of_user
 from cooploc.estimators.plugin_files import load, needed_files
 
 BUILTIN, PLUGINS, SESSION = "built in", "plug-ins", "session"  # owners: jobs, plug-ins of a study, objects in Python
@@ -94,11 +94,18 @@ class Outcome(NamedTuple):
 
 
 def place_of(e: BaseException) -> str:
-    """Return the file and line where an exception was raised, such as "mine.py:12", here or in another process."""
+    """Return the last file and line in a user's code, such as " (mine.py:12)", here or in another process.
+
+    Where there is none, that of our code; but not of an error of our own, which says what was wrong.
+    """
     if isinstance(e.__cause__, RemoteTraceback):
         return e.__cause__.place
     frames = [one for one in traceback.extract_tb(e.__traceback__) if one.filename != __file__]
-    return f"{Path(frames[-1].filename).name}:{frames[-1].lineno}" if frames else ""
+    theirs = [one for one in frames if not one.filename.startswith(OURS)]
+    own = [] if type(e).__module__.startswith("cooploc.") else frames
+    for one in (theirs or own)[-1:]:
+        return f" ({Path(one.filename).name}:{one.lineno})"
+    return ""
 
 
 def call(

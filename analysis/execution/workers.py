@@ -188,7 +188,7 @@ def explain_failure(e: BaseException) -> tuple[str, str]:
     full = "".join(traceback.format_exception(e))
     if isinstance(e, ProcessDied | ProcessHung) or isinstance(e.__cause__, WorkerError):
         return one_line(e), full
-    return f"{e if isinstance(e, WorkerError) else one_line(e)} ({place_of(e)})", full
+    return f"{e if isinstance(e, WorkerError) else one_line(e)}{place_of(e)}", full
 
 
 # Where tasks run.

@@ -148,7 +148,7 @@ def test_a_report_counts_and_prints_what_ran_and_is_escaped_in_a_notebook():
         "c    skipped  no",
         "<b>: 1 of 3 checks passed, 1 failed, 1 skipped",
     ]
-    assert "<td>a &amp; b (seed 3)</td>" in REPORT._repr_html_()
+    assert ">a &amp; b (seed 3)</td>" in REPORT._repr_html_()
     assert not Report("nothing", ()).passed
     assert not Report("all skipped", REPORT.results[2:]).passed
 
