@@ -62,11 +62,12 @@ OURS = f"{Path(__file__).parents[1]}{os.sep}"  # where our code is
 
 
 def places_of_user(e: BaseException) -> list[str]:
-    """Return the lines of a traceback that are in the code of a user, such as "mine.py, line 3, in predict: x = y"."""
-    frames = [one for one in traceback.extract_tb(e.__traceback__) if not one.filename.startswith(OURS)]
+    """Return the lines of a traceback before and after our code, such as "mine.py, line 3, in predict: x = y"."""
+    frames = list(traceback.extract_tb(e.__traceback__))
+    ours = [i for i, one in enumerate(frames) if one.filename.startswith(OURS)] or [len(frames)]
     began = max((i for i, one in enumerate(frames) if one.name == "run_code"), default=-1)  # of a notebook's cell
     lines = []
-    for one in frames[began + 1 :]:
+    for one in (*frames[began + 1 : ours[0]], *frames[ours[-1] + 1 :]):
         place = [Path(one.filename).name] * Path(one.filename).is_file() + [f"line {one.lineno}"]
         where = ", ".join([*place, *[f"in {one.name}"] * (one.name != "<module>")])
         lines.append(f"{where}: {one.line}" if one.line else where)
