@@ -4,6 +4,7 @@ Every estimator gets the same arrays, read-only, and loses the same packets. The
 """
 
 import math
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
@@ -86,15 +87,19 @@ class Run:
 
 
 def list_table(header: Iterable[str], title: str, rows: Iterable[Iterable[object]], strong: int | None = None) -> str:
-    """Return a table for notebooks in HTML: a caption, and lines under a header, one of them `strong`; all escaped."""
-    left = 'style="text-align:left;white-space:nowrap"'
-    head = "".join(f"<th {left}>{escape(name)}</th>" for name in header)
-    body = ""
-    for number, row in enumerate(rows):
-        bold = "font-weight:bold" * (number == strong)
-        cells = "".join(f'<td style="text-align:left;{bold}">{escape(str(cell))}</td>' for cell in row)
-        body += f"<tr>{cells}</tr>"
-    return f"<table><caption {left}>{escape(title)}</caption><tr>{head}</tr>{body}</table>"
+    """Return a table for notebooks in HTML: a caption, and lines under a header, one of them `strong`; all escaped.
+
+    A column of numbers is at the right.
+    """
+    lines = [list(header), *(list(map(str, row)) for row in rows)]
+    sides = ["right" if re.match(r"[-+]?\d", "".join(column[1:])) else "left" for column in zip(*lines, strict=True)]
+    text = ""
+    for number, line in enumerate(lines):
+        cell, weight = ("td", "bold" if number - 1 == strong else "normal") if number else ("th", "bold")
+        style = [f"text-align:{side};font-weight:{weight}" for side in sides]
+        cells = (f'<{cell} style="{how}">{escape(one)}</{cell}>' for how, one in zip(style, line, strict=True))
+        text += f"<tr>{''.join(cells)}</tr>"
+    return f'<table><caption style="text-align:left;white-space:nowrap">{escape(title)}</caption>{text}</table>'
 
 
 def run(estimators: Any, stream: Stream, jobs: int = 1, isolate: bool = True, time_limit: float = TIME_LIMIT) -> Run:

@@ -96,4 +96,5 @@ def test_results_are_the_tables_of_the_command_line_with_nothing_empty():
     assert "RMSE [m]" in text
     assert "remark" not in text
     best = lowest_that_qualifies(table.to_dict("records"))
-    assert text.count("font-weight:bold") == text.count("<th ") * (best is not None)
+    assert text.count("font-weight:bold") == text.count("<th ") * (1 + (best is not None))
+    assert text.count("text-align:right") == 3 * text.count(">RMSE [m]<") * 3  # RMSE, change and bytes
