@@ -122,12 +122,15 @@ def show_table(
 
 def results_html(table: pd.DataFrame) -> str:
     """Return the table of `compare` as notebooks show it: for each scenario, what the command line prints."""
-    text = ""
-    for one in (_results(name, part, every_column=False) for name, part in _by_scenario(table)):
+    text, parts = "", _by_scenario(table)
+    for one in (_results(name, part, every_column=False) for name, part in parts[:IN_ONE_PICTURE]):
         best = lowest_that_qualifies(one.rows)
         strong = next((i for i, row in enumerate(one.rows) if row is best), None)
         text += one.notebook(strong)
-    return f"{text}<p>{CAPTION}</p>"
+    more = (
+        f"; {count_of(left_out, 'scenario')} more: cl.report" if (left_out := len(parts) - IN_ONE_PICTURE) > 0 else ""
+    )
+    return f"{text}<p>{CAPTION}{more}</p>"
 
 
 def _bold(chosen: dict[str, Any] | None, row: dict[str, Any]) -> str:
