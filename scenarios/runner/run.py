@@ -205,8 +205,11 @@ def make_estimator(given: Any, where: str, isolate: bool = False) -> Any:
     made = make_instance(given)
     missing = missing_methods(made)
     if missing == list(ROBOT):
-        kind = type(made).__name__
-        raise BadInput(f"{where} is of type {kind}, not an estimator: give a name, a class or an instance")
+        kind = type(made)
+        if kind.__module__ == "builtins":
+            raise BadInput(f"{where} is of type {kind.__name__}, not an estimator: give a name, a class or an instance")
+        has = "a filter of one robot has predict(z) and correct(z), any other those of help(cl.Estimator)"
+        raise BadInput(f"{kind.__name__} has no method of an estimator: {has}")
     if missing:
         lacking = ", ".join(f"{method}()" for method in missing)
         raise BadInput(f"estimator {type(made).__name__} lacks {lacking}: help(cl.Estimator) says what to do; {LIFT}")

@@ -76,6 +76,7 @@ def test_names_classes_instances_lists_and_mappings_become_instances(given, name
         (Tuned, STREAM, "Tuned cannot be made without arguments (gain is missing): pass an instance, Tuned(...)"),
         ({"mine": Loop}, STREAM, "a filter written for one robot is lifted by cl.PerRobot"),
         ({"mine": 3}, STREAM, "'mine' is of type int, not an estimator: give a name, a class or an instance"),
+        (type("Empty", (), {}), STREAM, "Empty has no method of an estimator: a filter of one robot has predict(z)"),
         (Half, STREAM, "estimator Half lacks predict(), correct(), send(), fuse()"),
         (STREAM, "arl", "second argument is a str, not a Stream: write truth, stream = cl.simulate"),
         ("arl", (TRUTH, STREAM), "second argument is a tuple, not a Stream: write truth, stream = "),
