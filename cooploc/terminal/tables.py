@@ -200,7 +200,7 @@ def show(what: str | PathLike[str] | pd.DataFrame, ledger: str | Path | None = N
     the command line prints it.
 
     Raises:
-        BadInput: it is no run, and none of these tables.
+        BadInput: it is neither a run nor one of these tables.
 
     """
     if isinstance(what, pd.DataFrame):
