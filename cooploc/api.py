@@ -5,7 +5,7 @@ Of a run, a ledger or a name that cannot be read they raise `BadInput`: one line
 """
 
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
@@ -72,7 +72,7 @@ class Results:
         return f"Results({str(self.folder)!r}, {size})"
 
     def _repr_html_(self) -> str:
-        return tables.results_html(self.table)
+        return tables.results_html(self.table, self.rows, self.folder)
 
 
 AnyRun = str | PathLike[str]  # a run directory, or the `Results` of `run_study` or `load_run`
@@ -284,7 +284,7 @@ def sweep(
     scenario: str,
     estimators: Any,
     *,
-    trials: int = 1,
+    trials: int | Sequence[int] = 1,
     seed: int = 0,
     jobs: int = 1,
     data: str | Path | None = None,
@@ -315,15 +315,16 @@ def sweep(
         raise BadInput("nothing is swept: give several values of a parameter, such as drop={0, 0.5}")
     fixed = {name: value for name, value in parameters.items() if name not in swept}
     points, found = list(product(*swept.values())), []
+    each = trials if isinstance(trials, int) else len(trials)
     with TerminalProgress("interrupted: nothing of the sweep is kept") as progress:
-        progress.begin(trials * len(points), 0)
+        progress.begin(each * len(points), 0)
         for values in points:
             chosen = dict(zip(swept, values, strict=True))
             label, overrides = _label_with(scenario, {**fixed, **chosen})
             truth, stream = simulate(label, trials=trials, seed=seed, data=data, **overrides)
             table = errors(truth, run(estimators, stream, jobs=jobs))
             found.append(table.assign(**{name: value for name, value in chosen.items() if name not in table}))
-            progress.advance(stream.scenario, trials, 0)
+            progress.advance(stream.scenario, each, 0)
     return pd.concat(found, ignore_index=True)
 
 

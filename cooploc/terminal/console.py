@@ -32,11 +32,8 @@ class PlainConsole(Console):
         return super().render_str(visible(text), **options)
 
 
-PIPED, UNLIMITED, OF_A_CELL = (
-    100,
-    400,
-    90,
-)  # characters: of a table in a file or a pipe, with every column, in a notebook
+PIPED, UNLIMITED = 100, 400  # characters that a table may be wide in a file or a pipe; with every column
+OF_A_CELL = 90  # in a notebook
 
 
 def make_console(stderr: bool = False, every: bool = False) -> Console:
@@ -94,8 +91,8 @@ class TerminalProgress:
         """Start: (estimator, trial) pairs in all, and those found on disk already."""
         if found and not self.total:  # not at every look of a run until decided
             self.say(f"{found} of {trials} trials are on disk already")
+        self._bar.reset(self._task, total=trials, completed=found, description="" if self.total else STARTING)
         self.total, self.done = trials, found
-        self._bar.reset(self._task, total=trials, completed=found, description=STARTING)
 
     def advance(self, what: str, trials: int, failed: int) -> None:
         """Take note of a finished part."""

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Mapping, Sequence
 from functools import partial
+from html import escape
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -61,25 +62,33 @@ def show_results(
 ) -> None:
     """Print the results of a run by rising `sort`, then failures, where the files are, and what to do next."""
     manifest, console = RunDir(folder).manifest, make_console(stderr=as_json)
-    notes = manifest.get("recordings", {})
-    parts = _by_scenario(found)
-    weak = {name: [text for text in notes.get(name, []) if NO_ORDER in text] for name, _ in parts}
-    if not as_json:
-        found = pd.concat([sort_rows(part, STUDY if weak[name] else sort) for name, part in parts])
-    show_table(found, rows, as_json, every_column, legend)
-    if manifest.get("data") is not None:
-        for line in lines_about({name: recording_lines(part, weak[name]) for name, part in _by_scenario(found)}):
-            console.print(line)
-    if not manifest.get("isolated", True):
-        console.print(ONE_PROCESS)
-    for failed in failures(rows):
-        console.print(f"failed: {failed.message} ({'; '.join(failed.where)})")
-    if sentence := stream_sentence(Study(**manifest["study"]), manifest["streams"]):
-        console.print(sentence)
+    ordered, lines = _arrange(found, rows, manifest, sort)
+    show_table(found if as_json else ordered, rows, as_json, every_column, legend)
+    for text in lines:
+        console.print(text)
     picture = f"{folder / 'rmse.png'}" if (folder / "rmse.png").exists() else f"cooploc report {folder}"
     for place in (f"picture: {picture}", f"table, every column: {folder / 'table.csv'}", f"run: {folder}"):
         console.print(place)
     console.print(f"next: cooploc report {folder}; --wide prints every column, --legend what they mean")
+
+
+def _arrange(
+    found: pd.DataFrame, rows: pd.DataFrame, manifest: Mapping[str, Any], sort: str
+) -> tuple[pd.DataFrame, list[str]]:
+    """Return a run's table by rising `sort`, and what a reader must know of the run.
+
+    A scenario that ranks no estimators stays in the order of the study.
+    """
+    notes, parts, lines = manifest.get("recordings", {}), _by_scenario(found), list[str]()
+    weak = {name: [text for text in notes.get(name, []) if NO_ORDER in text] for name, _ in parts}
+    ordered = pd.concat([sort_rows(part, STUDY if weak[name] else sort) for name, part in parts])
+    if manifest.get("data") is not None:
+        lines += lines_about({name: recording_lines(part, weak[name]) for name, part in parts})
+    if not manifest.get("isolated", True):
+        lines.append(ONE_PROCESS)
+    lines += [f"failed: {failed.message} ({'; '.join(failed.where)})" for failed in failures(rows)]
+    sentence = stream_sentence(Study(**manifest["study"]), manifest["streams"])
+    return ordered, [*lines, *([sentence] if sentence else [])]
 
 
 def recording_lines(part: pd.DataFrame, weak: list[str]) -> list[str]:
@@ -120,17 +129,17 @@ def show_table(
         console.print(text)
 
 
-def results_html(table: pd.DataFrame) -> str:
-    """Return the table of `compare` as notebooks show it: for each scenario, what the command line prints."""
+def results_html(found: pd.DataFrame, rows: pd.DataFrame, folder: Path) -> str:
+    """Return the results of a run as notebooks show them: the tables and sentences that the command line prints."""
+    table, lines = _arrange(found, rows, RunDir(folder).manifest, "rmse")
     text, parts = "", _by_scenario(table)
     for one in (_results(name, part, every_column=False) for name, part in parts[:IN_ONE_PICTURE]):
         best = lowest_that_qualifies(one.rows)
         strong = next((i for i, row in enumerate(one.rows) if row is best), None)
         text += one.notebook(strong)
-    more = (
-        f"; {count_of(left_out, 'scenario')} more: cl.report" if (left_out := len(parts) - IN_ONE_PICTURE) > 0 else ""
-    )
-    return f"{text}<p>{CAPTION}{more}</p>"
+    more = [f"{count_of(len(parts) - IN_ONE_PICTURE, 'scenario')} more: cl.report"] * (len(parts) > IN_ONE_PICTURE)
+    below = (CAPTION, *more, *ranking.certificate_remarks(table), *outlier_warnings(table), *lines)
+    return f"{text}<p>{'<br>'.join(map(escape, below))}</p>"
 
 
 def _bold(chosen: dict[str, Any] | None, row: dict[str, Any]) -> str:
@@ -207,7 +216,7 @@ def show(what: str | PathLike[str] | pd.DataFrame, ledger: str | Path | None = N
         if {"claim", "verdict", "map"} <= set(what):
             show_verdicts(what, ledgers.load(ledger))
         elif {"baseline", "robots", "stream"} <= set(what):
-            show_table(what, what, as_json=False)
+            show_table(sort_rows(what), what, as_json=False)
         else:
             raise BadInput("cl.show prints a run, cl.verdicts(...) and cl.compare(..., full=True), no other table")
         return

@@ -2,6 +2,7 @@
 
 import re
 import sys
+from contextlib import chdir
 from types import SimpleNamespace
 
 import pytest
@@ -9,7 +10,7 @@ import pytest
 import cooploc as cl
 from cooploc.analysis.report.result_tables import lowest_that_qualifies
 from cooploc.estimators.dead_reckoning import DeadReckoning
-from cooploc.terminal import console, tables
+from cooploc.terminal import console
 
 
 class Strange(Exception):
@@ -86,15 +87,27 @@ def test_what_a_function_returned_is_shown_as_the_command_line_does(capsys):
         cl.show(errors)
 
 
-def test_results_are_the_tables_of_the_command_line_with_nothing_empty():
-    truth, stream = cl.simulate("trajectory[ticks=4]", trials=6)
-    run = cl.run({"<b>": "dead-reckoning", "arl": "arl"}, stream)
-    table = cl.compare(cl.errors(truth, run), baseline="arl", full=True)
-    text = tables.results_html(table)
-    assert (text.count("<table>"), text.count("<tr>")) == (1, 3)
-    assert "&lt;b&gt;" in text
-    assert "RMSE [m]" in text
-    assert "remark" not in text
+def test_results_are_the_tables_of_the_command_line_with_what_it_says_below(tmp_path):
+    (tmp_path / "bad.py").write_text(
+        "from cooploc.estimators.dead_reckoning import DeadReckoning\n\n\n"
+        "class Bad(DeadReckoning):\n    def predict(self, s, z):\n        raise ValueError('<i>')\n"
+    )
+    study = 'trials = 6\nbaseline = "arl"\nscenarios = ["trajectory[ticks=4]"]\n'
+    (tmp_path / "s.toml").write_text(f'{study}estimators = ["dead-reckoning", "arl", "ekf-local", "bad.py:Bad"]\n')
+    with chdir(tmp_path):
+        results = cl.run_study("s.toml", out="run", check=False, isolate=False)
+        text = results._repr_html_()
+    assert (text.count("<table>"), text.count("<tr>")) == (1, 5)
+    assert "<i>" not in text
+    assert "failed: ValueError: &lt;i&gt; (bad.py:6)" in text
+    assert "in one process" in text
+    table = results.table.sort_values("rmse")
+    places = [text.index(f">{name}<") for name in table["estimator"].str.replace("bad.py:", "") if f">{name}<" in text]
+    assert places == sorted(places)
     best = lowest_that_qualifies(table.to_dict("records"))
     assert text.count("font-weight:bold") == text.count("<th ") * (1 + (best is not None))
-    assert text.count("text-align:right") == 3 * text.count(">RMSE [m]<") * 3  # RMSE, change and bytes
+
+
+def test_a_sweep_takes_the_numbers_of_trials_too():
+    swept = cl.sweep("packet-drop[ticks=3]", "dead-reckoning", trials=[2, 5], drop={0, 0.5})
+    assert set(swept["trial"]) == {2, 5}
