@@ -122,9 +122,11 @@ def join_ranges(x, P, z, variance, gate, second_order, iterations):
     """
     t, n, d = x.shape
     d2 = np.full((t, n, n), np.nan)
-    shift, noise, one = np.empty((n, n)), np.empty((n, n)), np.eye(n * d)
+    shift, noise = np.empty((n, n)), np.empty((n, n))
+    before, at, step = np.empty(n * d), np.empty(n * d), np.empty((n * d, 1))
     for s in range(t):
-        before, at = x[s].copy().reshape(-1), x[s].copy().reshape(-1)
+        for a in range(n * d):  # numbers one by one here: numba takes seconds to compile sums and slices of arrays
+            before[a] = at[a] = x[s, a // d, a % d]
         gate_ranges(before, P[s], z[s], variance, second_order, d2[s], shift, noise)
         for k in range(iterations):
             eta, Lambda = np.zeros(n * d), np.zeros((n * d, n * d))
@@ -144,15 +146,22 @@ def join_ranges(x, P, z, variance, gate, second_order, iterations):
                                 Lambda[j + c, j + b] += g * f
                                 Lambda[i + c, j + b] -= g * f
                                 Lambda[j + c, i + b] -= g * f
-            A = one + P[s] @ Lambda
+            A, moved = P[s] @ Lambda, P[s] @ eta
+            for a in range(n * d):
+                A[a, a] += 1.0
+                step[a, 0] = moved[a]
             if k + 1 < iterations:
-                at = before + np.linalg.solve(A, (P[s] @ eta).reshape(-1, 1)).T[0]  # a matrix as below: compiled once
+                step_within = np.linalg.solve(A, step)
+                for a in range(n * d):
+                    at[a] = before[a] + step_within[a, 0]
             else:
                 C = np.linalg.solve(A, P[s])
-                P[s] = (C + C.T) / 2
-                moved = before + P[s] @ eta  # copied one by one: numba would compile an error message for a slice
                 for a in range(n * d):
-                    x[s, a // d, a % d] = moved[a]
+                    for b in range(n * d):
+                        P[s, a, b] = (C[a, b] + C[b, a]) / 2
+                moved = P[s] @ eta
+                for a in range(n * d):
+                    x[s, a // d, a % d] = before[a] + moved[a]
     return d2
 
 

@@ -189,48 +189,49 @@ def _add_links(kind, far, row, links, k, last, slope):
     """Add links from k to the last: eight at a time where numbers reach far enough, then four, two, one."""
     if kind == FIXED or not is_single(row.X[0]):
         while k + 8 <= last:
-            _add_group(kind, far, 8, row, links, k, slope)
+            _add_group(kind, far, _four(links, k) + _four(links, k + 4), row, links, k, slope)
             k += 8
     while k + 4 <= last:
-        _add_group(kind, far, 4, row, links, k, slope)
+        _add_group(kind, far, _four(links, k), row, links, k, slope)
         k += 4
     if k + 2 <= last:
-        _add_group(kind, far, 2, row, links, k, slope)
+        _add_group(kind, far, (_numbers(links, k), _numbers(links, k + 1)), row, links, k, slope)
         k += 2
     if k < last:
-        _add_group(kind, far, 1, row, links, k, slope)
+        _add_group(kind, far, (_numbers(links, k),), row, links, k, slope)
 
 
 @inlined
-def _add_group(kind, far, size, row, links, k, slope):
-    """Add `size` links. Compiled apart for each `kind`, `far` and `size`, which are constants where this is inlined."""
+def _add_group(kind, far, group, row, links, k, slope):
+    """Add links from k on, the numbers of each in `group`: its length is a type, `kind` and `far` are constants."""
     wide()
     X, Y, logw = row
     real = X.dtype.type
     slope, half, constant = real(slope), real(0.5), real(0.0)
-    a, b = _numbers(links, k), _numbers(links, k + min(1, size - 1))
-    c, d = _numbers(links, k + min(2, size - 1)), _numbers(links, k + min(3, size - 1))
-    e, f = _numbers(links, k + min(4, size - 1)), _numbers(links, k + min(5, size - 1))
-    g, h = _numbers(links, k + min(6, size - 1)), _numbers(links, k + min(7, size - 1))
-    for j in range(size):
+    for j in range(len(group)):
         constant += links[k + j, 7]
     for i in range(len(logw)):
         x, y = X[i], Y[i]
-        sums = _link(kind, far, x, y, a, slope)
-        if size > 1:
-            sums = _join(sums, _link(kind, far, x, y, b, slope))
-        if size > 2:
-            two = _join(_link(kind, far, x, y, c, slope), _link(kind, far, x, y, d, slope))
+        sums = _link(kind, far, x, y, group[0], slope)
+        if len(group) > 1:
+            sums = _join(sums, _link(kind, far, x, y, group[1], slope))
+        if len(group) > 2:
+            two = _join(_link(kind, far, x, y, group[2], slope), _link(kind, far, x, y, group[3], slope))
             sums = _join(sums, two)
-        if size > 4:
-            two = _join(_link(kind, far, x, y, e, slope), _link(kind, far, x, y, f, slope))
-            last = _join(_link(kind, far, x, y, g, slope), _link(kind, far, x, y, h, slope))
+        if len(group) > 4:
+            two = _join(_link(kind, far, x, y, group[4], slope), _link(kind, far, x, y, group[5], slope))
+            last = _join(_link(kind, far, x, y, group[6], slope), _link(kind, far, x, y, group[7], slope))
             sums = _join(sums, _join(two, last))
         sum_ln, over, under = sums
         if kind == FIXED:
             logw[i] += constant - half * over
         else:
             logw[i] += (constant + sum_ln) - half * (over / under + ln(under))
+
+
+@inlined
+def _four(links, k):
+    return _numbers(links, k), _numbers(links, k + 1), _numbers(links, k + 2), _numbers(links, k + 3)
 
 
 @inlined
