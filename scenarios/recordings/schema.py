@@ -163,7 +163,8 @@ class Source(Strict):
     @property
     def names_robot(self) -> bool:
         """Whether the file's name, or those of the columns, say whose lines they are."""
-        wide = any("{robot}" in name for _, value in self if isinstance(value, LogColumn) for name in value.columns)
+        columns = [*dict(self).values(), *getattr(self, "each", {}).values()]
+        wide = any("{robot}" in name for column in columns if isinstance(column, LogColumn) for name in column.columns)
         return wide or "{robot}" in (self.file or "") or "{run}" in (self.file or "")
 
     @property

@@ -260,8 +260,8 @@ def split_channels(
         positive = there & ((one.values[:, 0] > 0) | (kind == "rssi"))
         known, itself = (robot >= 0) & ((mate >= 0) | (thing >= 0)), (robot == mate) & (robot >= 0)
         for dropped, names, what in (
-            (there & (robot < 0), one.robot, "measured by {}, which is not a robot of the team"),
-            (there & (robot >= 0) & ~known, one.other, "of {}, which is not a robot of the team, nor a place"),
+            (there & (robot < 0), one.robot, "measured by {}: no robot of the team"),
+            (there & (robot >= 0) & ~known, one.other, "of {}: neither a robot of the team nor a place"),
             (there & known & itself, one.robot, "of {} by itself"),
             (~near, one.robot, "by {} with stamps that are days from the others"),
             (there & ~positive, one.robot, "by {} that are not positive"),

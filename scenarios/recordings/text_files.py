@@ -7,6 +7,7 @@ is refused, with file and line.
 import codecs
 import csv
 import re
+import zlib
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
@@ -22,7 +23,7 @@ from cooploc.estimators import nearest
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Indices
 
-TEXT_ENDINGS = (".csv", ".txt", ".tsv", ".dat", ".log", ".tum")
+TEXT_ENDINGS = (".csv", ".txt", ".tsv", ".dat", ".log", ".tum")  # and these with .gz
 LARGEST = 1e30  # of a number in a recording; stamps in ns have nineteen digits
 MAX_STEP_BACK = 0.5  # [s] stamps that step back by less (MRCLAM 9: by 0.1 s) are sorted; by more, lines are left out
 LEAST_LEFT = 0.1  # share of the lines of a file that must be readable
@@ -42,14 +43,23 @@ class TextTable(NamedTuple):
         return f"{self.path}, line {self.line[row]}"
 
 
+def is_text(path: Path) -> bool:
+    """Return whether a file is a text by its name, compressed or not."""
+    return path.is_file() and path.name.lower().removesuffix(".gz").endswith(TEXT_ENDINGS)
+
+
 def read_text(path: Path) -> str:
-    r"""Return the text of a file, UTF-8, UTF-16 or of Windows, its line ends all \n."""
+    r"""Return the text of a file, UTF-8, UTF-16 or of Windows, its line ends all \n; of a .gz file what is in it."""
     try:
         raw = path.read_bytes()
+        if path.suffix.lower() == ".gz":
+            raw = zlib.decompressobj(zlib.MAX_WBITS | 16).decompress(raw)
     except FileNotFoundError:
         raise BadInput(f"{path}: there is no such file; get the whole recording") from None
     except OSError as e:
         raise BadInput(f"{path}: cannot be read ({e.strerror}); get the file again") from None
+    except zlib.error:
+        raise BadInput(f"{path}: this is no gzip file, or it is damaged; get the file again") from None
     if raw.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         raw = raw.decode("utf-16", "replace").encode()
     try:

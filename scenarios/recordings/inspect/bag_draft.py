@@ -16,7 +16,7 @@ from cooploc.scenarios.recordings.inspect.draft_toml import Draft, DraftTable, E
 from cooploc.scenarios.recordings.inspect.naming import ODOMETRY, TRUTH, name_meaning, pairs_of_robots, words_of
 from cooploc.scenarios.recordings.radio_nodes import NodeRanges, assign
 from cooploc.scenarios.recordings.team_log import Series
-from cooploc.scenarios.recordings.text_files import TEXT_ENDINGS
+from cooploc.scenarios.recordings.text_files import is_text
 
 NUMBERS = ("sensor_msgs/msg/Range", "std_msgs/msg/Float32", "std_msgs/msg/Float64")
 STATES = TRUTH - {"ground", "pos", "cap"}  # words by which a topic of Odometry is the truth, as of a simulator
@@ -63,7 +63,7 @@ def bag_draft(path: Path) -> Draft:
     there, beside = {table.name for table in tables}, Draft(())
     for home in text_folders(runs[0]):
         below = home.rglob("*") if path.is_dir() and home.is_relative_to(path) else home.glob("*")
-        texts = [p for p in sorted(below) if p.is_file() and p.suffix.lower() in TEXT_ENDINGS]
+        texts = [p for p in sorted(below) if is_text(p)]
         beside = beside if beside.tables else tables_beside_bag(home, texts, list(wheels), there)
     tables += beside.tables
     has_truth = "truth" in {table.name for table in tables}

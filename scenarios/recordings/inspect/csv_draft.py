@@ -25,7 +25,7 @@ from cooploc.scenarios.recordings.schema import COLUMNS, UNITS
 from cooploc.scenarios.recordings.text_files import (
     COMMENTS,
     LEAST_LEFT,
-    TEXT_ENDINGS,
+    is_text,
     parse_field,
     read_text,
     split_fields,
@@ -112,12 +112,19 @@ def _read_files(paths: Iterable[Path], folder: Path, data: Path) -> tuple[list[C
         try:
             files.append(read_csv(path, name))
         except BadInput as e:
-            unread.append(str(e) if path.suffix.lower() == ".csv" else f"{name}: a text, and no table")
+            unread.append(str(e) if ".csv" in path.name.lower() else f"{name}: a text, and no table")
     return files, unread
 
 
+def _unread_places(folder: Path) -> list[tuple[Path, str]]:
+    """Return files that probably hold anchors or landmarks by their names, in a format that is not read."""
+    files = [p for p in sorted(folder.iterdir()) if p.suffix.lower() in (".yaml", ".yml", ".json", ".xml")]
+    kinds = [(p, naming.OTHERS.get(word, "")) for p in files for word in naming.words_of(p.stem)]
+    return [(p, kind) for p, kind in kinds if kind in ("anchors", "landmarks")]
+
+
 def _text_files(folder: Path) -> list[Path]:
-    return sorted(p for p in folder.rglob("*") if p.is_file() and p.suffix.lower() in TEXT_ENDINGS)
+    return sorted(p for p in folder.rglob("*") if is_text(p))
 
 
 # --- Values
@@ -267,6 +274,7 @@ class TablePart(NamedTuple):
     files: tuple[CsvTable, ...]
     columns: dict[str, Guess]  # quantity -> column; with time, robot and other where the files have them
     kind: str = ""  # of odometry
+    each: tuple[Guess, ...] = ()  # of readings: all columns of their first quantity
 
     def names(self, quantity: str) -> tuple[str, ...]:
         """Return the names in the column of a quantity; none without one."""
@@ -307,11 +315,25 @@ def _parts(file: CsvTable) -> list[TablePart]:
     if {"x", "y"} <= truth.keys():
         parts.append(TablePart("truth", (file,), shared | truth))
     for table, quantities in READINGS.items():
-        own, several = _first_columns(left, quantities), sum(g.quantity == quantities[0] for g in left) > 1
-        if len(own) == len(quantities) and not (table == "ranges" and "sightings" in {part.table for part in parts}):
+        if table == "ranges" and "sightings" in {part.table for part in parts}:
+            continue
+        for each in _split_readings([g for g in left if g.quantity == quantities[0]], "other" in shared):
+            own = _first_columns([*each, *left], quantities)
             alone = {q: g for q, g in shared.items() if q != "other"}  # with a column for each thing measured
-            parts.append(TablePart(table, (file,), (alone if several else shared) | own))
+            if len(own) == len(quantities):
+                parts.append(TablePart(table, (file,), (alone if len(each) > 1 else shared) | own, each=each))
     return parts
+
+
+def _split_readings(guesses: Sequence[Guess], named: bool) -> list[tuple[Guess, ...]]:
+    """Return the columns of robots by robots, and those of other things, apart.
+
+    Of those whose things are `named` in a column the plain one counts: "range" beside "range_raw" and "gt_range".
+    """
+    pairs = tuple(g for g in guesses if "{other}" in g.column)
+    others = tuple(g for g in guesses if "{other}" not in g.column)
+    plain = tuple(g for g in others if naming.is_plain(g.column))
+    return [each for each in (pairs, plain if named and len(plain) == 1 else others) if each]
 
 
 def _name_readings(file: CsvTable, robots: Sequence[str], fixed: Sequence[str]) -> CsvTable:
@@ -456,10 +478,10 @@ def _draft_run(folder: Path, data: Path) -> tuple[Draft, tuple[str, ...]]:
     files, unused = _read_files(dict.fromkeys([*own, *beside]), folder, data)
     unread = next((line for line in unused if line.startswith(str(data))), "")
     unused += [f"{p.relative_to(data).as_posix()}: {p.name} stands above it" for p in copies]
+    unused += [f"{p.name}: not read; write its places into [{table}]" for p, table in _unread_places(folder)]
     if not files:
-        raise BadInput(
-            unread or f"{folder}: there is no CSV file, bag, PyFG file or MRCLAM text in it; name another directory"
-        )
+        texts = f"{unused[0]}; save it as CSV, with a line of names" if own else "there is no text file in it"
+        raise BadInput(unread or f"{folder}: {texts}")
     doubts: tuple[Finding, ...] = ()
     runs, why = _are_runs_of_one_robot(files)
     runs &= folder == data
@@ -548,8 +570,9 @@ def _draft_table(
         places = Entry("places", _places_of(part), f"{files[0]} has names and places, and no stamps")
         return DraftTable(table, (places,))
     pattern, named = naming.file_pattern(files, robots)
-    words = [*named, *part.names("robot"), *part.names("other")]
-    nodes = naming.match_names([word for word in words if naming.clean_name(word) not in fixed], robots)
+    nodes, why_nodes = dict[str, str](), "these words and the names of the robots are alike"
+    for words in (named, (*part.names("robot"), *part.names("other"))):
+        nodes |= naming.match_names([word for word in words if naming.clean_name(word) not in fixed], robots)
     pairs = naming.pairs_of_robots(files, robots) if table in READINGS else {}
     if runs:
         file = Entry("file", f"{{run}}{Path(files[0]).suffix}", "a file for each run")
@@ -561,6 +584,9 @@ def _draft_table(
         file = Entry("file", files[0], "one file for all robots")
     elif {nodes.get(name, name) for name in named} & {*robots}:
         file = Entry("file", pattern, f"a file for each robot: {names}")
+        files_of = naming.match_names(named, robots)
+        if devices := _devices(part, [files_of.get(name, name) for name in named]):
+            nodes, why_nodes = files_of | devices, "each stands in the file of one robot"
         columns = {q: g for q, g in columns.items() if q != "robot"}
     elif len(robots) == len(files) == 1:
         file = Entry("file", files[0], "of the one robot")
@@ -569,34 +595,43 @@ def _draft_table(
     time = [columns[q] for q in STAMPS if q in columns]
     stamps = [_column(guess) for guess in time]
     at = stamps if len(stamps) > 1 else stamps[0]
-    each = [g for g in part.files[0].guesses if g.quantity == table.removesuffix("s")] if table in READINGS else []
-    if (
-        table in READINGS
-        and "other" not in columns
-        and "{other}" not in " ".join([file.value, *(g.column for g in each)])
-    ):
-        found = _each_thing(table, each, [*robots, *fixed], robots)
+    written = " ".join([file.value, *(g.column for g in part.each)])
+    if table in READINGS and "other" not in columns and "{other}" not in written:
+        found = _each_thing(table, part.each, [*robots, *fixed], robots)
         if isinstance(found, str):
             return f"{names}: {found}"
         whose = tuple(_entry("robot", columns["robot"]) for _ in columns.keys() & {"robot"})
-        return DraftTable(table, (file, Entry("time", at, time[0].reason), *whose, found, *_missing(part, each)))
+        return DraftTable(table, (file, Entry("time", at, time[0].reason), *whose, found, *_missing(part)))
     entries = [Entry("kind", part.kind, "its columns")] if part.kind else []
     if part.files[0].delimiter != delimiter:
         entries.append(Entry("delimiter", part.files[0].delimiter, "between the fields of these files"))
     entries += [file, Entry("time", at, "; ".join(guess.reason for guess in time))]
     entries += [_entry(q, g) for q, g in columns.items() if q not in STAMPS and (q != "other" or table in READINGS)]
-    entries += _missing(part, each or [columns["range"]]) if table == "ranges" else []
+    entries += _missing(part)
     if nodes:
-        entries.append(Entry("nodes", nodes, "these words and the names of the robots are alike", "likely"))
+        entries.append(Entry("nodes", nodes, why_nodes, "likely"))
     return DraftTable(table, tuple(entries))
 
 
-def _missing(part: TablePart, columns: Sequence[Guess]) -> list[Entry]:
+def _devices(part: TablePart, robots: Sequence[str]) -> dict[str, str]:
+    """Return whose the names in a column of the robots' own files are, such as numbers of tags: each in one file."""
+    if "robot" not in part.columns or len(robots) != len(part.files):
+        return {}
+    own = [file.names(part.columns["robot"].column) for file in part.files]
+    count = Counter(name for names in own for name in names)
+    if len(robots) < 2 or max(count.values(), default=2) > 1 or {*count} & {*robots}:
+        return {}
+    return {name: robot for names, robot in zip(own, robots, strict=True) for name in names}
+
+
+def _missing(part: TablePart) -> list[Entry]:
     """Return the line for ranges that mean none: the largest, often there, and by half above all others."""
-    values = np.concatenate([f.numbers(g.column) * UNITS["m"][g.unit] for f in part.files for g in columns])
+    if part.table != "ranges":
+        return []
+    values = np.concatenate([f.numbers(g.column) * UNITS["m"][g.unit] for f in part.files for g in part.each])
     largest, others = np.max(values, initial=0.0), values[values < np.max(values, initial=0.0)]
     count = len(values) - len(others)
-    if part.table != "ranges" or count < max(10, 0.005 * len(values)) or largest < 1.5 * np.max(others, initial=0.0):
+    if count < max(10, 0.005 * len(values)) or largest < 1.5 * np.max(others, initial=0.0):
         return []
     why = f"[m] {count} of {len(values)} ranges are {largest:.6g} m, and no other is near"
     return [Entry("missing_from", float(f"{0.99 * largest:.3g}"), why, "likely")]
@@ -604,9 +639,10 @@ def _missing(part: TablePart, columns: Sequence[Guess]) -> list[Entry]:
 
 def _each_thing(table: str, each: Sequence[Guess], things: Sequence[str], robots: Sequence[str]) -> Entry | str:
     """Return the line for readings with a column for each thing measured; or what to write, if it has no name."""
-    columns = {
-        name: g for g in each for name in things if naming.letters_of(g.column).endswith(naming.letters_of(name))
-    }
+    columns: dict[str, Guess] = {}
+    for guess in each:
+        ends = [name for name in things if naming.letters_of(guess.column).endswith(naming.letters_of(name))]
+        columns |= {max(ends, key=len): guess} if ends else {}  # d_A0 is of A0, and not of 0
     if table == "sightings" or len(columns) < len(each):
         own = ", ".join(f'a{k} = "{g.column}"' for k, g in enumerate(each, 1))
         remedy = f"write [{table}] with each = {{ {own} }}, and [anchors] with places = {{ a1 = [X, Y], ... }}"

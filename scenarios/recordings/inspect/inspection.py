@@ -15,7 +15,7 @@ from cooploc.scenarios.recordings.inspect.csv_draft import csv_draft
 from cooploc.scenarios.recordings.inspect.draft_toml import Draft, Entry, common_span
 from cooploc.scenarios.recordings.scenario import NO_ORDER, TeamScenario, reader
 from cooploc.scenarios.recordings.team_log import TeamLog, other_names
-from cooploc.scenarios.recordings.text_files import TEXT_ENDINGS
+from cooploc.scenarios.recordings.text_files import is_text
 
 NOT_FALLING, NO_RSSI = "does not fall with distance", "[rssi] is left out of log.toml"
 TOO_LITTLE = "too little for"  # in the problem of a recording that is too short to be fitted
@@ -117,7 +117,7 @@ def recognize(path: Path) -> tuple[str, str]:
     """Return the format of a recording without a log.toml, as it is called there, and the reason."""
     if not path.exists():
         raise BadInput(f"{path}: there is no such file or directory; name one with a recording")
-    if path.is_file() and path.suffix.lower() in TEXT_ENDINGS:
+    if is_text(path):
         raise BadInput(f"{path}: this is one file; name the directory with the files of all robots, odometry and truth")
     files = [path] if path.is_file() else sorted(p for p in path.rglob("*") if p.is_file())
     ending = {p.suffix.lower(): p.name for p in reversed(files)}
@@ -128,7 +128,7 @@ def recognize(path: Path) -> tuple[str, str]:
         return "pyfg", f"{graph} is a factor graph"
     if of_mrclam := next((p.name for p in files if mrclam.NAME.fullmatch(p.name)), ""):
         return "mrclam", f"{of_mrclam} is of MRCLAM"
-    if ending.keys() & {*TEXT_ENDINGS}:
+    if any(map(is_text, files)):
         return "csv", "text files with columns"
     if active := next((p for p in files if p.name.endswith(".bag.active")), None):
         raise BadInput(f"{active}: its recorder was killed; `rosbag reindex {active.name}` mends it, then name it .bag")

@@ -47,6 +47,11 @@ def name_meaning(column: str) -> tuple[str, str, str]:
     return quantity, unit, side_of(plain)
 
 
+def is_plain(column: str) -> bool:
+    """Return whether a column's name is one word for a quantity, but for a unit: "range", "Distance (m)"."""
+    return len(words_of(re.sub(r"[\[(].*", "", column))) == 1 and not re.search(r"\d", column)
+
+
 def side_of(name: str) -> str:
     """Return "truth" or "odometry" if words of a name speak of it; odometry, if of both."""
     return min((SIDE[word] for word in words_of(name) if word in SIDE), default="")
@@ -75,18 +80,26 @@ def columns_of_robots(head: Sequence[str]) -> tuple[dict[str, str], tuple[str, .
     team = max(teams, key=lambda team: (len(teams[team]), len(team)), default=frozenset[str]())
     if not any(teams.get(team, set()) >= needed for needed in ({"x", "y"}, {"speed", "turn_rate"})):
         return {}, ()
-    found = {column: p for p, of in words_at.items() if {*of} == team for column in of.values()}
+    of_team = [p for p, of in words_at.items() if {*of} == team]
+    leftmost_last = sorted(of_team, key=lambda p: -p.index("{robot}"))  # of d1_A1 the first 1 is of the robot
+    found = {column: p for p in leftmost_last for column in words_at[p].values()}
     robots = tuple(dict.fromkeys(word for of in words_at.values() if {*of} == team for word in of))
     return found | pairs_of_robots(head, robots), robots
 
 
 def pairs_of_robots(names: Iterable[str], robots: Sequence[str]) -> dict[str, str]:
-    """Return patterns of names with two robots: r12 is r{robot}{other} of 1 and 2, uwb_1_2 is uwb_{robot}_{other}."""
-    found: dict[str, str] = {}
+    """Return patterns of names with two robots: r12 is r{robot}{other} of 1 and 2, uwb_1_2 is uwb_{robot}_{other}.
+
+    Where d1_A1 stands beside d1_A2, A2 is no robot.
+    """
+    found, names = dict[str, str](), list(names)
     for a, b in permutations(map(re.escape, robots), 2):
         pair = re.compile(rf"(?<![A-Za-z0-9]){a}(\D*?){b}(?![A-Za-z0-9])|(?<=[A-Za-z]){a}(\D*?){b}(?!\d)")
         for name in names:
             pattern = pair.sub(lambda m: f"{{robot}}{m[1] or m[2] or ''}{{other}}", name)
+            itself = any(pattern.replace("{robot}", r).replace("{other}", r) in names for r in robots)
+            if itself and re.search(r"\{robot\}.*[A-Za-z].*\{other\}", pattern):
+                continue
             if pattern != name and name_meaning(pattern)[0] in ("range", "rssi"):
                 found[name] = pattern
     return found
@@ -115,8 +128,12 @@ def file_pattern(files: Sequence[str], known: Sequence[str] = ()) -> tuple[str, 
 
 
 def match_names(words: Iterable[str], robots: Sequence[str]) -> dict[str, str]:
-    """Return the robots that words mean, by equal letters and digits, else last number, last word, or first word."""
-    found: dict[str, str] = {}
+    """Return the robots that words mean, by equal letters and digits, else last number, last word, or first word.
+
+    A robot that is among the words by its own name is not meant by another: beside robot1, a1 is an anchor.
+    """
+    found, words = dict[str, str](), list(dict.fromkeys(words))
+    nameless = [robot for robot in robots if robot not in words]
     forms = (
         letters_of,
         lambda name: "".join(re.findall(r"\d+", name)[-1:]).lstrip("0"),
@@ -124,8 +141,8 @@ def match_names(words: Iterable[str], robots: Sequence[str]) -> dict[str, str]:
         lambda name: "".join(re.findall(r"[^\W_]+", name)[:1]).lower(),
     )
     for form in forms:
-        for word in dict.fromkeys(words):
-            alike = [r for r in robots if form(word) and form(r) == form(word) and r not in found.values()]
+        for word in words:
+            alike = [r for r in nameless if form(word) and form(r) == form(word) and r not in found.values()]
             if word not in robots and word not in found and len(alike) == 1:
                 found[word] = alike[0]
     return found

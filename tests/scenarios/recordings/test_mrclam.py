@@ -121,7 +121,7 @@ def test_what_is_dropped_is_counted_and_unknown_barcodes_are_named(data):
     rows = [(0.2, 23, 3.0, 0.1), (1.0, 5, 1.0, 0.0), (1.1, 99, 1.0, 0.0), (1.2, 99, 1.0, 0.0), (9.0, 41, 1.0, 0.0)]
     write(data / "Robot1_Measurement.dat", rows)
     _, stream = simulate(data)
-    assert [line.split(", which")[0] for line in stream.notes["warnings"]] == [
+    assert [line.split(": neither")[0] for line in stream.notes["warnings"]] == [
         "Robot1_Measurement.dat: left out 2 readings of 'barcode 99'",
         "Robot1_Measurement.dat: left out 1 reading of '1' by itself",
     ]

@@ -1,11 +1,15 @@
 """One team in the files that others would write: each is read as the same recording, without a log.toml by hand."""
 
+import itertools
+
 import numpy as np
 import pandas as pd
 import pytest
 from made_csv_teams import two_robots
 
 import cooploc as cl
+from cooploc import BadInput
+from cooploc.scenarios.recordings.inspect.naming import match_names
 
 ROBOTS = ("red", "blue")
 
@@ -86,6 +90,19 @@ def folders(files):
     return found
 
 
+def two_tags(files):
+    """A folder for each robot, whose two tags have numbers; beside the range the raw one, the true one, and anchors."""
+    found, tags = folders(files), {"red": ("10", "11"), "blue": ("20", "21")}
+    for robot, other in (ROBOTS, ROBOTS[::-1]):
+        ranges = found[f"{robot}/uwb.csv"].drop(columns="id").reset_index(drop=True)
+        ends = {"from_id": tags[robot], "to_id": tags[other]}
+        ranges = ranges.assign(**{c: [names[k % 2] for k in range(len(ranges))] for c, names in ends.items()})
+        anchors = ranges.iloc[::5].assign(to_id="1", time=ranges["time"] + 0.01)
+        both = pd.concat([ranges, anchors]).sort_values("time")
+        found[f"{robot}/uwb.csv"] = both.assign(range_raw=both["range"] + 0.3, gt_range=both["range"] - 0.02)
+    return found
+
+
 def no_reading(files):
     """Ranges of 65.535 m where none was measured."""
     none = files["uwb.csv"].iloc[::7].assign(range=65.535, time=lambda t: t["time"] + 0.01)
@@ -127,6 +144,8 @@ HABITS = {
     "a column for each": (ranges_each, {}, None),
     "one export": (one_export, {}, None),
     "folders": (folders, {}, None),
+    "two tags": (two_tags, {}, None),
+    "compressed": (lambda files: {f"{name}.gz": t for name, t in files.items()}, {}, None),
     "ranges that mean none": (no_reading, {}, None),
 }
 
@@ -141,7 +160,7 @@ def test_the_team_is_read_from_files_as_others_write_them(tmp_path, habit):
     }
     for name, table in change(tables).items():
         path = tmp_path / name
-        path.parent.mkdir(exist_ok=True)
+        path.parent.mkdir(exist_ok=True)  # pandas compresses what ends with .gz
         table.to_csv(path, **({"index": False} | options))
         if rewrite:
             path.write_text(rewrite(path.read_text()))
@@ -158,6 +177,40 @@ def test_the_team_is_read_from_files_as_others_write_them(tmp_path, habit):
         np.testing.assert_allclose(log.odometry[k].values, np.transpose(u), atol=1e-6)
         np.testing.assert_allclose(log.truth[k].values[:, :2], np.transpose(pose[:2]), atol=1e-6)
         np.testing.assert_allclose(np.sin(log.truth[k].values[:, 2]), np.sin(pose[2]), atol=1e-6)
+
+
+def test_columns_for_each_robot_and_anchor_stand_beside_those_of_pairs(tmp_path):
+    tables = {name: pd.DataFrame(columns) for name, columns in two_robots(seconds=40).items()}
+    table = wide(tables)["all.csv"]
+    corners = {"A1": (0.0, 0.0), "A2": (8.0, 8.0)}
+    for i, (name, (x, y)) in itertools.product((1, 2), corners.items()):
+        table[f"d{i}_{name}"] = np.hypot(table[f"x{i}"] - x, table[f"y{i}"] - y)
+    table.to_csv(tmp_path / "all.csv", index=False)
+    pd.DataFrame([(name, *at) for name, at in corners.items()], columns=["id", "x", "y"]).to_csv(
+        tmp_path / "anchors.csv", index=False
+    )
+    log = cl.inspect(tmp_path).inspected.log
+    assert {channel: len(series.time) for channel, series in log.readings.items()} == {
+        "range": len(table),
+        "anchor_range": 4 * len(table),
+    }
+
+
+def test_beside_a_robot_by_its_name_a_number_is_of_no_robot():
+    assert match_names(["robot1", "robot2", "a1", "a2"], ["robot1", "robot2"]) == {}
+    assert match_names(["1", "2"], ["robot1", "robot2"]) == {"1": "robot1", "2": "robot2"}
+
+
+def test_places_in_a_file_that_is_not_read_are_named(team):
+    folder = team()
+    (folder / "anchors.yaml").write_text("a1: [0, 0]\n")
+    assert "anchors.yaml: not read; write its places into [anchors]" in cl.inspect(folder).inspected.unused
+
+
+def test_texts_without_a_table_are_named(tmp_path):
+    (tmp_path / "tag1.log").write_text("0.1,DIST,4,AN0,0.0,0.0\n0.2,DIST,4,AN0,0.0,0.0\n")
+    with pytest.raises(BadInput, match=r"tag1\.log: a text, and no table; save it as CSV"):
+        cl.inspect(tmp_path)
 
 
 def test_readings_of_things_without_a_name_say_what_to_write(tmp_path):
