@@ -170,7 +170,8 @@ def _quaternions(table: CsvTable) -> dict[str, Guess]:
         values = [values for name in own if not isinstance(values := table.columns[name], tuple)]
         if len(own) not in (2, 4) or len(values) < len(own):
             continue
-        if (np.abs(np.linalg.norm(np.array(values, float), axis=0) - 1) < 0.01).mean() > 0.9:
+        lengths = np.linalg.norm(np.array(values, float), axis=0)
+        if (np.abs(lengths[np.isfinite(lengths)] - 1) < 0.01).mean() > 0.9 and np.isfinite(lengths).any():
             found |= {name: Guess(name, "", "", "", PART) for name in own}
             whole = f"with {', '.join(own[:-1])} of length 1: a quaternion"
             found[column] = Guess(column, "heading", "rad", "", whole, tuple(own))

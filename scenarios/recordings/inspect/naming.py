@@ -15,7 +15,8 @@ QUANTITY, SIDE, UNIT, OTHERS, REMEDY = (
     for table in ("quantities", "sides", "units", "others", "remedies")
 )
 QUANTITY_OF_PAIR = {pair: quantity for quantity, of in _WORDS["pairs"].items() for pair in of}
-AXES = {"turn_rate": (["x"], ["y"]), "speed": (["y"], ["z"])}  # of a robot on a floor, about or along which it is not
+# Last words of what is not of a robot on a floor, or of a quaternion.
+AXES = {"turn_rate": (["x"], ["y"]), "speed": (["y"], ["z"]), "heading": (["x"], ["y"], ["w"])}
 ODOMETRY, TRUTH = ({word for word, of in SIDE.items() if of == side} for side in ("odometry", "truth"))
 # The units of quantities in log.toml; all others are lengths in m.
 SI = {"time": "s", "sec": "s", "nsec": "ns", "rssi": "dBm", "heading": "rad", "bearing": "rad"}

@@ -35,6 +35,8 @@ def guessed(folder, columns, name="table.csv"):
         ("ang_z", "turn_rate", ""),
         ("lin_y", "", ""),
         ("ang_x", "", ""),
+        ("orientation.x", "", ""),
+        ("max_range", "", ""),
         ("yaw_rate_deg", "turn_rate", "deg/s"),
         ("vtheta", "turn_rate", ""),
         ("v_theta", "turn_rate", ""),

@@ -90,6 +90,19 @@ def folders(files):
     return found
 
 
+def bagpy(files):
+    """Topics as bagpy writes them, a file for each pair."""
+    names = {q: f"transform.translation.{q}" for q in "xy"} | {f"q{q}": f"transform.rotation.{q}" for q in "xyzw"}
+    found, poses = {}, quaternion(["qx", "qy", "qz", "qw"])(files)
+    for robot, other in (ROBOTS, ROBOTS[::-1]):
+        odometry = poses[f"odom_{robot}.csv"].rename(columns={"v": "twist.linear.x", "omega": "twist.angular.z"})
+        found[f"{robot}-odom.csv"] = odometry.assign(**{"twist.covariance": "(0.0, 0.0)"})
+        found[f"vicon-{robot}-{robot}.csv"] = poses[f"truth_{robot}.csv"].rename(columns=names)
+        of = files["uwb.csv"].query("`from` == @robot")[["time", "range"]]
+        found[f"{robot}-uwb-{other}.csv"] = of.assign(min_range=0.0, max_range=50.0)
+    return found
+
+
 def two_tags(files):
     """A folder for each robot, whose two tags have numbers; beside the range the raw one, the true one, and anchors."""
     found, tags = folders(files), {"red": ("10", "11"), "blue": ("20", "21")}
@@ -145,6 +158,8 @@ HABITS = {
     "one export": (one_export, {}, None),
     "folders": (folders, {}, None),
     "two tags": (two_tags, {}, None),
+    "bagpy": (bagpy, {}, None),
+    "one export with quaternions": (lambda files: one_export(quaternion(["qx", "qy", "qz", "qw"])(files)), {}, None),
     "compressed": (lambda files: {f"{name}.gz": t for name, t in files.items()}, {}, None),
     "ranges that mean none": (no_reading, {}, None),
 }
