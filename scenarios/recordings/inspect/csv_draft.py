@@ -499,6 +499,11 @@ def _draft_run(folder: Path, data: Path) -> tuple[Draft, tuple[str, ...]]:
         if needed not in {part.table for part in parts}:
             if nameless := next((file.name for file in files if [*file.columns][:2] == ["1", "2"]), ""):
                 unread = f"{folder / nameless}: numbers where the names of the columns should be; add a line of names"
+            halves = [
+                next((f.name for f in files for g in f.guesses if g.quantity == q), "") for q in COLUMNS["velocity"]
+            ]
+            if needed == "odometry" and all(halves):
+                unread = f"{folder}: speeds are in {halves[0]}, turn rates in {halves[1]}; write both into one file"
             odd = [name for name in lacking if naming.side_of(Path(name).stem) in ("", needed)]
             if odd and not unread:
                 unread = f"{folder / odd[0]}: {lacking[odd[0]]}, and so no {needed}; name its columns in log.toml"

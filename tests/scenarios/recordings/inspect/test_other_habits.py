@@ -222,6 +222,25 @@ def test_places_in_a_file_that_is_not_read_are_named(team):
     assert "anchors.yaml: not read; write its places into [anchors]" in cl.inspect(folder).inspected.unused
 
 
+def test_relative_positions_say_what_to_write(team):
+    folder = team()
+    seen = pd.DataFrame({"time": [1.7e9, 1.7e9 + 1], "observer": "red", "target": "blue", "rel_x": 1.0, "rel_y": 2.0})
+    seen.to_csv(folder / "detections.csv", index=False)
+    unused = " ".join(cl.inspect(folder).inspected.unused)
+    assert "rel_x: a relative position: write range and bearing, hypot(x, y) and atan2(y, x)" in unused
+
+
+def test_speeds_and_turn_rates_in_two_files_are_named(team):
+    folder = team()
+    for robot in ROBOTS:
+        both = pd.read_csv(folder / f"odom_{robot}.csv")
+        (folder / f"odom_{robot}.csv").unlink()
+        both[["time", "v"]].to_csv(folder / f"wheel_{robot}.csv", index=False)
+        both[["time", "omega"]].rename(columns={"omega": "gz"}).to_csv(folder / f"imu_{robot}.csv", index=False)
+    with pytest.raises(BadInput, match=r"speeds are in wheel_\w+.csv, turn rates in imu_\w+.csv; write both into one"):
+        cl.inspect(folder)
+
+
 def test_texts_without_a_table_are_named(tmp_path):
     (tmp_path / "tag1.log").write_text("0.1,DIST,4,AN0,0.0,0.0\n0.2,DIST,4,AN0,0.0,0.0\n")
     with pytest.raises(BadInput, match=r"tag1\.log: a text, and no table; save it as CSV"):
