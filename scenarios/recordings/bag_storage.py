@@ -10,6 +10,7 @@ Source: the message definitions of std_msgs, geometry_msgs, nav_msgs and sensor_
 https://github.com/ros2/common_interfaces.
 """
 
+import dataclasses
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cache
@@ -29,7 +30,7 @@ ODOMETRY = "nav_msgs/msg/Odometry"
 EPOCH = 5 * 10**17  # [ns] in 1985: earlier stamps are of no clock of this world
 NO_BAG = "{}: no bag here; it needs files that end with .bag, .db3 or .mcap"
 Message = tuple[str, int, bytes]  # topic, time of receipt [ns], content
-Row = tuple[float, ...]
+Row = tuple[Any, ...]  # numbers; of fields that log.toml names, the last may be names
 POSE = ("x [m]", "y [m]", "z [m]", "heading [rad]")
 TWIST = ("v [m/s]", "omega [rad/s]")
 
@@ -47,6 +48,11 @@ class Bag(NamedTuple):
 def typestore(store: Stores) -> Typestore:
     """Return the standard message types of a ROS version."""
     return get_typestore(store)
+
+
+def standard_types() -> Collection[str]:
+    """Return the names of the message types that come with ROS."""
+    return typestore(Stores.ROS2_HUMBLE).fielddefs
 
 
 def is_bag(path: Path) -> bool:
@@ -153,6 +159,31 @@ KINDS: Mapping[str, MessageKind] = {
     "std_msgs/msg/Float32": MessageKind(("value",), lambda m: [(m.data,)]),
     "std_msgs/msg/Float64": MessageKind(("value",), lambda m: [(m.data,)]),
 }
+
+
+def field_rows(message: Any, fields: Sequence[str]) -> list[Row]:
+    """Return fields of a message of any type: a row, or one for each element of an array (nodes.id, nodes.dis)."""
+    columns = [_field_values(message, field.split(".")) for field in fields]
+    m = max(map(len, columns))
+    return list(zip(*(column * m if len(column) == 1 else column for column in columns), strict=True))
+
+
+def _field_values(value: Any, path: Sequence[str]) -> list[Any]:
+    if isinstance(value, list | tuple | np.ndarray):
+        return [found for element in value for found in _field_values(element, path)]
+    return _field_values(getattr(value, path[0]), path[1:]) if path else [value]
+
+
+def fields_of(message: Any) -> dict[str, list[Any]]:
+    """Return the numbers and words in a message by the names of their fields, without its header."""
+    found: dict[str, list[Any]] = {}
+    for name in (field.name for field in dataclasses.fields(message) if field.name not in ("header", "__msgtype__")):
+        value = getattr(message, name)
+        for element in value[:64] if isinstance(value, list | tuple | np.ndarray) else [value]:
+            inner = fields_of(element) if dataclasses.is_dataclass(element) else {"": [element]}
+            for below, values in inner.items():
+                found.setdefault(f"{name}.{below}".rstrip("."), []).extend(values)
+    return found
 
 
 def stamp_of(message: Any) -> int | None:

@@ -3,13 +3,15 @@
 A pose is in metres and radians and a speed in SI units, as ROS has it (REP 103); a number (std_msgs/Float32, Float64)
 has the unit that the description says. What a camera saw (`[sightings]`) is a pose in the robot's frame, x forward
 and y left, or a geometry_msgs/PoseArray in the camera's, z forward and x right, with one detection in a message.
+
+Ranges and RSSI may be fields of messages of any type whose definition is in the bag: `range = "nodes.dis"`.
 """
 
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from itertools import product
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -22,6 +24,7 @@ from cooploc.scenarios.recordings.sqlite_recovery import recover
 from cooploc.scenarios.recordings.team_log import Kind, Measured, Series, TeamLog, order_series, reading_tables
 from cooploc.scenarios.recordings.text_files import LARGEST
 
+LARGE = 10_000  # bytes of a message, such as an image, that is not compared with others
 LATEST = 2**62  # [ns] in the year 2116: later times of receipt are damaged
 
 
@@ -36,14 +39,16 @@ class Topic(NamedTuple):
 
 
 Content = tuple[dict[str, Topic], list[str]]  # topics by name, and warnings
+Wanted = Mapping[str, tuple[str, ...]]  # topics -> fields of their messages; none for the numbers of `KINDS`
+EVERY_FIELD = ("*",)
 
 
-def read_content(path: Path, wanted: Collection[str] | None) -> Content:
+def read_content(path: Path, wanted: Wanted | None) -> Content:
     """Read all messages of the topics in `wanted`; or of all topics (None) only when they were received."""
     bags = bag_storage.bag_paths(path)
     together = {bag: _prefix(bag) for bag in bags} if bag_storage.overlap_in_time(bags) else {}
     if wanted is not None:
-        wanted = {*wanted, *(name.removeprefix(own) for own in together.values() for name in wanted)}
+        wanted = {name.removeprefix(own): of for own in (*together.values(), "") for name, of in wanted.items()}
     contents, warnings = list[dict[str, Topic]](), list[str]()
     for bag in bags:
         parts = _parts(bag, wanted)
@@ -81,7 +86,7 @@ def _distinguish_topics(owns: Sequence[str], contents: Sequence[Mapping[str, Top
     named: list[dict[str, Topic]] = [{} for _ in contents]
     for name in dict.fromkeys(name for content in contents for name in content):
         there = {k: content[name] for k, content in enumerate(contents) if name in content}
-        heard = {k: topic for k, topic in there.items() if topic.type in KINDS and topic.received}
+        heard = {k: topic for k, topic in there.items() if topic.received}
         by_length = sorted(heard, key=lambda k: len(heard[k].received))
         if len(heard) < 2:
             for k, topic in there.items():
@@ -94,7 +99,7 @@ def _distinguish_topics(owns: Sequence[str], contents: Sequence[Mapping[str, Top
     return named
 
 
-def _parts(bag: Path, wanted: Collection[str] | None) -> list[Content]:
+def _parts(bag: Path, wanted: Wanted | None) -> list[Content]:
     """Read one bag; of a damaged one what can be recovered, and a warning for each file without any message."""
     try:
         for log in bag.parent.glob(f"{bag.name}-wal") if bag.is_file() else bag.glob("*-wal"):
@@ -116,10 +121,11 @@ def _parts(bag: Path, wanted: Collection[str] | None) -> list[Content]:
     return [*found, ({}, lost)]
 
 
-def _collect(bag: Bag, wanted: Collection[str] | None) -> Content:
+def _collect(bag: Bag, wanted: Wanted | None) -> Content:
     """Return the messages of a bag: of all topics, or those that are wanted and of a type that is read."""
     topics = {name: Topic(kind, [], [], [], set()) for name, kind in bag.types.items()}
-    names = [name for name, kind in bag.types.items() if wanted is None or (name in wanted and kind in KINDS)]
+    fields = wanted or {}
+    names = [n for n, kind in bag.types.items() if wanted is None or (n in wanted and (kind in KINDS or fields[n]))]
     unreadable = dict.fromkeys(names, 0)
     for name, time, raw in bag.messages(names):
         topic = topics[name]
@@ -128,11 +134,15 @@ def _collect(bag: Bag, wanted: Collection[str] | None) -> Content:
                 raise ValueError
             if wanted is not None:
                 message = bag.decode(raw, topic.type)
-                stamp, rows = bag_storage.stamp_of(message), KINDS[topic.type].rows(message)
-                topic.stamps.append(stamp)
+                of = fields[name]
+                if of == EVERY_FIELD:
+                    rows: list[Row] = [tuple(bag_storage.fields_of(message).items())]
+                else:
+                    rows = bag_storage.field_rows(message, of) if of else KINDS[topic.type].rows(message)
+                topic.stamps.append(bag_storage.stamp_of(message))
                 topic.rows.append(rows)
             topic.received.append(time)
-            if topic.type in KINDS:
+            if len(raw) < LARGE:
                 topic.hashes.add(hash(bytes(raw)))
         except Exception:  # whatever rosbags raises on a damaged message, or one of a type it does not know
             unreadable[name] += 1
@@ -169,6 +179,7 @@ class TopicSeries(NamedTuple):
     values: Array  # (m, k)
     columns: tuple[str, ...]
     clock: str  # "header" or "receipt": whose stamps `time` are
+    names: Sequence[tuple[str, ...]] = ()  # (m,) of fields that hold names: who measured, what was measured
 
     def select(self, *names: str, table: str = "odometry") -> Array:
         """Return columns (m, k) by name, for a table of log.toml."""
@@ -191,10 +202,23 @@ def topics(path: Path) -> tuple[list[TopicInfo], list[str]]:
 
 
 def read_topics(path: Path, names: Collection[str], all_there: bool = True) -> tuple[dict[str, TopicSeries], list[str]]:
-    """Read the numbers of topics, and warnings of what is wrong; without `all_there`, of the topics that exist."""
-    content, warnings = read_content(path, names)
+    """Read the numbers of topics, and warnings of what is wrong; without `all_there`, of the topics that exist.
+
+    `names` may be a mapping to the fields of messages that are read: a number, then names.
+    """
+    wanted = names if isinstance(names, Mapping) else dict.fromkeys(names, ())
+    content, warnings = read_content(path, wanted)
     if all_there and (lost := next((name for name in names if name not in content), None)):
         raise BadInput(f"{path}: there is no topic {lost!r}; {nearest(lost, list(content))}")
+    for name, fields in wanted.items():
+        if (
+            fields
+            and name in content
+            and not any(content[name].rows)
+            and (there := read_fields(path, [name]).get(name))
+        ):
+            lost = next((field for field in fields if field not in there), "")
+            raise BadInput(f"{path}: messages of {name} have no field {lost!r}; {nearest(lost, list(there))}")
     # How far [ns] headers are behind the recorder's clock, if one of the two was not set.
     behind = [
         np.median(late)
@@ -207,18 +231,28 @@ def read_topics(path: Path, names: Collection[str], all_there: bool = True) -> t
     else:
         told = f"header stamps are {shift / 1e9:.1f} s behind the recorder's clock; that was added to all of them"
         warnings.append(told)
-    series = {name: _series(path, name, content[name], shift, warnings) for name in content if name in names}
+    series = {n: _series(path, n, content[n], shift, warnings, wanted[n]) for n in content if n in wanted}
     return series, warnings
 
 
-def _series(path: Path, name: str, topic: Topic, shift: int, warnings: list[str]) -> TopicSeries:
+def read_fields(path: Path, names: Collection[str]) -> dict[str, dict[str, list[Any]]]:
+    """Return what the messages of topics hold, whatever their type: topic -> field -> numbers or words."""
+    found: dict[str, dict[str, list[Any]]] = {}
+    for name, topic in read_content(path, dict.fromkeys(names, EVERY_FIELD))[0].items():
+        for field, values in (item for rows in topic.rows for row in rows for item in row):
+            found.setdefault(name, {}).setdefault(field, []).extend(values)
+    return found
+
+
+def _series(path: Path, name: str, topic: Topic, shift: int, warnings: list[str], fields: Sequence[str]) -> TopicSeries:
     """By rising time. Rows with a number that cannot be a measurement are left out.
 
     The times are the headers' where they are set and near the times of receipt, else those.
     """
-    if topic.type not in KINDS:
+    if topic.type not in KINDS and not fields:
         known = ", ".join(KINDS)
-        raise BadInput(f"{path}: topic {name} has type {topic.type}, which is not read; types that are: {known}")
+        remedy = f'name its field, range = "FIELD"; types that need none: {known}'
+        raise BadInput(f"{path}: topic {name} has type {topic.type}, which is not known; {remedy}")
     received, clock = np.array(topic.received, np.int64), "receipt"
     time, is_set = received / 1e9, np.array([stamp is not None for stamp in topic.stamps], bool)
     if is_set.any():
@@ -233,16 +267,17 @@ def _series(path: Path, name: str, topic: Topic, shift: int, warnings: list[str]
                 warnings.append(
                     f"{name}: {n} messages without a header stamp to believe; their time of receipt is used"
                 )
-    columns = KINDS[topic.type].columns
-    time = np.repeat(time, [len(rows) for rows in topic.rows])
-    values = np.array([row for rows in topic.rows for row in rows], float).reshape(-1, len(columns))
+    columns = tuple(fields[:1]) or KINDS[topic.type].columns
+    time, rows = np.repeat(time, [len(rows) for rows in topic.rows]), [row for rows in topic.rows for row in rows]
+    values = np.array([row[: len(columns)] for row in rows], float).reshape(-1, len(columns))
     # A heading is nan where the orientation was never set; nothing else may be.
     bad = ~(np.abs(values) <= LARGEST) & ~(np.isnan(values) & (np.array(columns) == "heading [rad]"))
     good = ~bad.any(1)
     if not good.all():
         warnings.append(f"{name}: {(~good).sum()} messages hold a number that is not finite; they are left out")
     order = np.argsort(time[good], kind="stable")
-    return TopicSeries(name, topic.type, time[good][order], values[good][order], columns, clock)
+    names = [tuple(map(str, rows[k][1:])) for k in np.flatnonzero(good)[order].tolist()] if fields else []
+    return TopicSeries(name, topic.type, time[good][order], values[good][order], columns, clock, names)
 
 
 # ---- The recordings of a team
@@ -276,20 +311,31 @@ def text_folders(run: Path) -> list[Path]:
 
 def topics_of(source: schema.Source, robots: Sequence[str], others: Sequence[str]) -> Iterator[tuple[str, str, str]]:
     """Yield (topic, robot, other) of all topics that a source may have; other is "" where the topic does not say."""
-    written: dict[str, list[str]] = {}
-    for word, name in source.nodes.items():
-        written.setdefault(name, []).append(word)
+    written = {
+        name: [*(word for word, of in source.nodes.items() if of == name), name] for name in (*robots, *others, "")
+    }
     for robot in robots:
         pattern = source.topics.get(robot, source.topic)
         if pattern is None:
             continue
+        if source.robot is not None and "{robot}" not in pattern:  # its messages say who measured
+            yield pattern, "", ""
+            return
         if "{robot}" not in pattern and robot not in source.topics and len(robots) > 1:
             raise BadInput(
                 f'topic {pattern} is of which robot? Write {{robot}} in it, or topics = {{ {robot} = "..." }}'
             )
         for other in others if "{other}" in pattern else ("",):
-            for a, b in product(written.get(robot, [robot]), written.get(other, [other])) if robot != other else ():
+            for a, b in product(written[robot], written[other]) if robot != other else ():
                 yield pattern.replace("{robot}", a).replace("{other}", b), robot, other
+
+
+def fields_named(table: schema.Source) -> tuple[str, ...]:
+    """Return the fields of messages that a table names: what was measured, and names of who measured and of what."""
+    value = getattr(table, table.columns[0]) if isinstance(table, schema.RangesTable | schema.RssiTable) else None
+    if value is None:
+        return ()
+    return (value.column, *(name.column for name in (table.robot, getattr(table, "other", None)) if name))
 
 
 def values_of(table: schema.ReadingColumns, series: TopicSeries) -> tuple[Array, Array]:
@@ -301,11 +347,14 @@ def values_of(table: schema.ReadingColumns, series: TopicSeries) -> tuple[Array,
         _, first, n = np.unique(series.time, return_index=True, return_counts=True)
         alone = first[n == 1]
         return series.time[alone], np.stack([np.hypot(x, z), np.arctan2(-x, z)], -1)[alone]
-    if series.columns not in (("value",), ("range [m]",)):
+    of_field = getattr(table, table.columns[0])
+    if of_field is None and series.columns not in (("value",), ("range [m]",)):
         there = ", ".join(series.columns)
         raise BadInput(f"topic {series.name} has {there}, not one number; correct the topic in log.toml")
     values = series.values[:, :1].copy()
-    if isinstance(table, schema.RangesTable):
+    if of_field is not None:
+        values *= of_field.factor
+    elif isinstance(table, schema.RangesTable):
         values *= UNITS["m"][table.unit]
     return series.time, team_log.without_missing(table, values)
 
@@ -321,8 +370,12 @@ def read_run(place: Path, name: str, description: TeamDescription) -> TeamLog:
     motion += [("truth", d.truth, ODOMETRY["pose"])] if d.truth else []
     sources: list[tuple[schema.Source, Sequence[str]]] = [(table, ()) for _, table, _ in motion]
     sources += [(table, others) for _, table, others in of]
-    wanted = {topic for source, others in sources for topic, _, _ in topics_of(source, d.robots, others)}
-    found, warnings = read_topics(place, wanted, all_there=False)
+    wanted: dict[tuple[str, ...], dict[str, tuple[str, ...]]] = {(): {}}  # by the fields of messages
+    for source, others in sources:
+        fields = fields_named(source)
+        wanted.setdefault(fields, {}).update((t, fields) for t, _, _ in topics_of(source, d.robots, others))
+    read = {fields: read_topics(place, topics, all_there=False) for fields, topics in wanted.items()}
+    found, warnings = read[()][0], list(dict.fromkeys(line for _, lines in read.values() for line in lines))
     tables = [table for table in (moves, d.truth, *(one for _, one, _ in of)) if table and table.in_files]
     patterns = [re.sub(r"\{\w+\}", "*", (table.file or "").replace("[", "[[]")) for table in tables]
     homes = [folder for folder in text_folders(place) if any(any(folder.glob(pattern)) for pattern in patterns)]
@@ -344,13 +397,17 @@ def read_run(place: Path, name: str, description: TeamDescription) -> TeamLog:
         if readings_table.in_files:
             readings.setdefault(kind, []).extend(csv_files.read_measurements(files, readings_table, others))
             continue
-        there = [each for each in topics_of(readings_table, d.robots, others) if each[0] in found]
+        heard = read[fields_named(readings_table)][0]
+        there = [each for each in topics_of(readings_table, d.robots, others) if each[0] in heard]
         for topic, robot, other in there:
-            if not other and len(d.robots) != 2:
+            named_by = [[readings_table.nodes.get(word, word) for word in each] for each in heard[topic].names]
+            if not other and readings_table.other is None and len(d.robots) != 2:
                 raise BadInput(f"topic {topic} does not say what was measured; write it with {{other}} in log.toml")
-            time, values = values_of(readings_table, found[topic])
+            time, values = values_of(readings_table, heard[topic])
             mate, m = other or next(name for name in d.robots if name != robot), len(time)  # its only teammate
-            measured = Measured(time + readings_table.clock_offset, [robot] * m, [mate] * m, values, topic)
+            robots = [each[0] for each in named_by] if readings_table.robot else [robot] * m
+            mates = [each[-1] for each in named_by] if readings_table.other else [mate] * m
+            measured = Measured(time + readings_table.clock_offset, robots, mates, values, topic)
             readings.setdefault(kind, []).append(measured)
         if not there:
             names = readings_table.topic or ", ".join(readings_table.topics.values())

@@ -223,7 +223,10 @@ class GroundTruth(Source):
 
 
 class ReadingColumns(Source):
-    """Measurements of something else, whose name is in the column `other` or, as `{other}`, in the file or topic."""
+    """Measurements of something else, whose name is in the column `other` or, as `{other}`, in the file or topic.
+
+    Of messages in a bag whose type is not standard, columns are fields: `range = "nodes.dis"`, `other = "nodes.id"`.
+    """
 
     other: Number | None = None
 

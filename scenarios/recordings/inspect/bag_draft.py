@@ -9,11 +9,25 @@ from pathlib import Path
 import numpy as np
 
 from cooploc.estimators.errors import BadInput
-from cooploc.scenarios.recordings.bag_storage import is_bag
-from cooploc.scenarios.recordings.bags import TopicSeries, find_runs, read_topics, text_folders, topics
-from cooploc.scenarios.recordings.inspect.csv_draft import tables_beside_bag
+from cooploc.scenarios.recordings.bag_storage import is_bag, standard_types
+from cooploc.scenarios.recordings.bags import TopicSeries, find_runs, read_fields, read_topics, text_folders, topics
+from cooploc.scenarios.recordings.inspect.csv_draft import (
+    Guess,
+    column_entry,
+    guess_fields,
+    split_readings,
+    tables_beside_bag,
+)
 from cooploc.scenarios.recordings.inspect.draft_toml import Draft, DraftTable, Entry
-from cooploc.scenarios.recordings.inspect.naming import ODOMETRY, TRUTH, name_meaning, pairs_of_robots, words_of
+from cooploc.scenarios.recordings.inspect.naming import (
+    ODOMETRY,
+    TRUTH,
+    clean_name,
+    match_names,
+    name_meaning,
+    pairs_of_robots,
+    words_of,
+)
 from cooploc.scenarios.recordings.radio_nodes import NodeRanges, assign
 from cooploc.scenarios.recordings.team_log import Series
 from cooploc.scenarios.recordings.text_files import is_text
@@ -60,12 +74,16 @@ def bag_draft(path: Path) -> Draft:
     for pattern in dict.fromkeys(named.values()):
         entry = Entry("topic", pattern, "topics with the names of two robots", "likely")
         tables.append(DraftTable(f"{name_meaning(pattern)[0]}s".replace("rssis", "rssi"), (entry,)))
+    unknown = [t for t in every if t.messages > 1 and not t.columns and t.type not in standard_types()]
     there, beside = {table.name for table in tables}, Draft(())
     for home in text_folders(runs[0]):
         below = home.rglob("*") if path.is_dir() and home.is_relative_to(path) else home.glob("*")
         texts = [p for p in sorted(below) if is_text(p)]
         beside = beside if beside.tables else tables_beside_bag(home, texts, list(wheels), there)
     tables += beside.tables
+    fixed = [name for table in tables if table.name in ("anchors", "landmarks") for name in table.entries[0].value]
+    of_fields, measured = _field_tables(whole, [t.name for t in unknown], list(wheels), fixed)
+    tables += of_fields
     has_truth = "truth" in {table.name for table in tables}
     if not has_truth and any(t.type.endswith("/Odometry") and t.name not in names for t in every for names in each):
         raise BadInput(differ)
@@ -77,15 +95,17 @@ def bag_draft(path: Path) -> Draft:
     )
     used = dict.fromkeys(wheels.values(), "odometry") | dict.fromkeys(truth.values(), "truth")
     used |= dict.fromkeys(ranges.values(), "range") | {t: name_meaning(p)[0] for t, p in named.items()}
+    used |= measured
     columns, unused = [*beside.columns], [*beside.unused]
     if not has_truth:
         unused.append("truth, as no pose has the name or number of a robot with odometry, nor a text file beside")
-    for t in found:
+    for t in (*found, *(t for t in unknown if t.name in measured)):
         form, rate = t.type.rpartition("/")[2], f"{t.messages} messages, {t.rate:.3g} Hz, {t.last - t.first:.3g} s"
         columns.append((t.name, form, used.get(t.name, "not used"), rate))
         if t.name not in used:
             unused.append(f"{t.name} ({form}, {t.messages})")
-    if unread := [f"{t.name} ({t.type})" for t in every if not t.columns and not t.type.startswith(NO_MEASUREMENTS)]:
+    strange = [t for t in every if not (t.columns or t.name in measured or t.type.startswith(NO_MEASUREMENTS))]
+    if unread := [f"{t.name} ({t.type})" for t in strange]:
         some = ", ".join(unread[:5]) + f" and {len(unread) - 5} more" * (len(unread) > 5)
         unused.append(f"topics of types that are not read: {some}; what they measured may be in CSV files beside")
     return Draft(entries, tuple(tables), tuple(columns), tuple(unused))
@@ -141,6 +161,46 @@ def _topics(by_robot: Mapping[str, str], why: str) -> Entry:
 
 
 # --- Tables
+
+
+def _field_tables(
+    path: Path, topics: Sequence[str], robots: Sequence[str], fixed: Sequence[str]
+) -> tuple[list[DraftTable], dict[str, str]]:
+    """Return ranges and RSSI in messages of types that are not known, by the names of their fields; and the topics."""
+    lines: dict[tuple[str, str, str], tuple[Entry, ...]] = {}
+    nodes: dict[tuple[str, str, str], dict[str, str]] = {}
+    used: dict[str, str] = {}
+    for topic, fields in read_fields(path, topics).items() if topics else ():
+        table, guesses = guess_fields(topic, fields)
+        own = next((robot for robot in robots if robot in topic), "")
+        ends = [g for quantity in ("robot", "other") for g in guesses if g.quantity == quantity]
+        named = [("robot", ends[0])] * (not own) + [("other", ends[-1])] if len(ends) > (not own) else []
+        for kind in ("range", "rssi") if named else ():
+            place, of_kind = _place(ends[-1]), [g for g in guesses if g.quantity == kind]
+            groups = split_readings([g for g in of_kind if _place(g) == place] or of_kind, named=True)
+            if not groups:
+                continue
+            pattern = topic.replace(own, "{robot}") if own else topic
+            words = [word for _, guess in named for word in table.names(guess.column)]
+            mine = table.names(ends[0].column) if own and len(ends) > 1 else []
+            key = kind, pattern, groups[0][0].column
+            known = nodes.setdefault(key, {})
+            known |= match_names([word for word in words if clean_name(word) not in fixed], robots)
+            known |= {mine[0]: own} if len(mine) == 1 else {}
+            of_fields = (column_entry(quantity, guess) for quantity, guess in ((kind, groups[0][0]), *named))
+            lines[key] = Entry("topic", pattern, "its messages have such fields", "likely"), *of_fields
+            used[topic] = f"{used[topic]}, {kind}" if topic in used else kind
+    why = "these words in the messages and the names of the robots are alike, or are of one robot's topic"
+    found = []
+    for key, entries in lines.items():
+        of = (Entry("nodes", nodes[key], why, "likely"),) * bool(nodes[key])
+        found.append(DraftTable("rssi" if key[0] == "rssi" else "ranges", (*entries, *of)))
+    return found, used
+
+
+def _place(field: Guess) -> str:
+    """Return the part of a message that a field is in: "nodes" of nodes.id."""
+    return field.column.rpartition(".")[0]
 
 
 def _odometry(wheels: Mapping[str, str], series: Mapping[str, TopicSeries]) -> DraftTable:

@@ -318,7 +318,7 @@ def _parts(file: CsvTable) -> list[TablePart]:
     for table, quantities in READINGS.items():
         if table == "ranges" and "sightings" in {part.table for part in parts}:
             continue
-        for each in _split_readings([g for g in left if g.quantity == quantities[0]], "other" in shared):
+        for each in split_readings([g for g in left if g.quantity == quantities[0]], "other" in shared):
             own = _first_columns([*each, *left], quantities)
             alone = {q: g for q, g in shared.items() if q != "other"}  # with a column for each thing measured
             if len(own) == len(quantities):
@@ -326,7 +326,7 @@ def _parts(file: CsvTable) -> list[TablePart]:
     return parts
 
 
-def _split_readings(guesses: Sequence[Guess], named: bool) -> list[tuple[Guess, ...]]:
+def split_readings(guesses: Sequence[Guess], named: bool) -> list[tuple[Guess, ...]]:
     """Return the columns of robots by robots, and those of other things, apart.
 
     Of those whose things are `named` in a column the plain one counts: "range" beside "range_raw" and "gt_range".
@@ -557,6 +557,16 @@ def tables_beside_bag(folder: Path, paths: Sequence[Path], robots: Sequence[str]
     return Draft((), tables, _column_rows(files), (*unused, *(line for line in drafted if isinstance(line, str))))
 
 
+def guess_fields(topic: str, fields: Mapping[str, Sequence[Any]]) -> tuple[CsvTable, tuple[Guess, ...]]:
+    """Return the fields of a topic's messages as columns, with a guess for each."""
+    columns: dict[str, Array | tuple[str, ...]] = {}
+    for name, values in fields.items():
+        numbers = not any(isinstance(value, str) for value in values)
+        columns[name] = np.array(values, float) if numbers else tuple(map(str, values))
+    table = CsvTable(topic, "", columns)
+    return table, infer_columns(table)
+
+
 def _column_rows(files: Sequence[CsvTable]) -> tuple[tuple[str, str, str, str], ...]:
     """Return a row for each column: its file, its name, its probable meaning, and the reason."""
     return tuple(
@@ -606,13 +616,15 @@ def _draft_table(
         found = _each_thing(table, part.each, [*robots, *fixed], robots)
         if isinstance(found, str):
             return f"{names}: {found}"
-        whose = tuple(_entry("robot", columns["robot"]) for _ in columns.keys() & {"robot"})
+        whose = tuple(column_entry("robot", columns["robot"]) for _ in columns.keys() & {"robot"})
         return DraftTable(table, (file, Entry("time", at, time[0].reason), *whose, found, *_missing(part)))
     entries = [Entry("kind", part.kind, "its columns")] if part.kind else []
     if part.files[0].delimiter != delimiter:
         entries.append(Entry("delimiter", part.files[0].delimiter, "between the fields of these files"))
     entries += [file, Entry("time", at, "; ".join(guess.reason for guess in time))]
-    entries += [_entry(q, g) for q, g in columns.items() if q not in STAMPS and (q != "other" or table in READINGS)]
+    entries += [
+        column_entry(q, g) for q, g in columns.items() if q not in STAMPS and (q != "other" or table in READINGS)
+    ]
     entries += _missing(part)
     if nodes:
         entries.append(Entry("nodes", nodes, why_nodes, "likely"))
@@ -656,7 +668,7 @@ def _each_thing(table: str, each: Sequence[Guess], things: Sequence[str], robots
     patterns = {g.column[: -len(name)] + "{other}": g for name, g in columns.items()}
     if len(patterns) == 1 and {*columns} <= {*robots}:
         pattern, guess = patterns.popitem()
-        return _entry(table.removesuffix("s"), guess._replace(column=pattern))
+        return column_entry(table.removesuffix("s"), guess._replace(column=pattern))
     return Entry("each", {name: _column(g) for name, g in columns.items()}, "columns end with a name", "likely")
 
 
@@ -673,7 +685,8 @@ def _places_of(part: TablePart) -> dict[str, list[float]]:
     }
 
 
-def _entry(quantity: str, guess: Guess) -> Entry:
+def column_entry(quantity: str, guess: Guess) -> Entry:
+    """Return the line of log.toml that names a column or a field."""
     weak = "perhaps" in guess.reason or "too " in guess.reason
     return Entry(quantity, _column(guess), guess.reason, "perhaps" if weak else "likely")
 

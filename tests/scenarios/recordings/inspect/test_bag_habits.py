@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from made_bags import ROS2, START, made_bag
 from rosbags.rosbag2 import Writer
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from cooploc.estimators.errors import BadInput
-from cooploc.scenarios.recordings.bags import find_runs
+from cooploc.scenarios.recordings.bags import find_runs, read_topics
 from cooploc.scenarios.recordings.inspect.bag_draft import bag_draft
 from cooploc.scenarios.recordings.inspect.inspection import inspect_recording
 
@@ -132,6 +133,71 @@ def test_topics_of_types_that_are_not_read_are_named_with_a_remedy(tmp_path):
     line = next(line for line in bag_draft(tmp_path).unused if "not read" in line)
     assert "/uwb_node (sensor_msgs/msg/Imu)" in line
     assert "CSV" in line
+
+
+FRAME = "std_msgs/Header header\nuint8 id\nfloat32[3] pos_3d\nuwb_msgs/Node[] nodes"
+DEFINITIONS = {
+    "uwb_msgs/msg/Node": "uint8 role\nuint8 id\nfloat32 dis",
+    "uwb_msgs/msg/Frame": FRAME,
+    "uwb_msgs/msg/Range": "std_msgs/Header header\nstring source\nstring target\nuint16 distance_mm\nfloat32 rssi",
+}
+
+
+def bag_of_radios(folder, messages):
+    """A bag of messages of types that come with no ROS: (topic, type, seconds, fields)."""
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    for name, definition in DEFINITIONS.items():
+        store.register(get_types_from_msg(definition, name))
+    with Writer(folder / "radios", version=9) as writer:
+        connections = {}
+        for topic, name, seconds, fields in messages(store.types):
+            if topic not in connections:
+                connections[topic] = writer.add_connection(topic, name, typestore=store)
+            ns = round((START + seconds) * 1e9)
+            stamp = store.types["builtin_interfaces/msg/Time"](sec=ns // 10**9, nanosec=ns % 10**9)
+            header = store.types["std_msgs/msg/Header"](stamp=stamp, frame_id="")
+            content = store.serialize_cdr(store.types[name](header=header, **fields), name)
+            writer.write(connections[topic], ns + 10**6, bytes(content))
+
+
+def test_ranges_in_arrays_of_messages_that_are_not_standard_are_read_by_their_fields(tmp_path):
+    """Each robot hears the other and an anchor, 101; its own number is in its messages alone."""
+
+    def messages(types):
+        for k in range(200):
+            for robot, number, other in (("red", 7, 9), ("blue", 9, 7)):
+                nodes = [types["uwb_msgs/msg/Node"](role=1, id=n, dis=d) for n, d in ((other, 4.25), (101, 9.0))]
+                fields = {"id": number, "pos_3d": np.zeros(3, np.float32), "nodes": nodes[: k % 3]}
+                yield f"/{robot}/uwb", "uwb_msgs/msg/Frame", 0.1 * k, fields
+
+    truth_in_a_bag_of_its_own(tmp_path)
+    bag_of_radios(tmp_path, messages)
+    found = inspect_recording(tmp_path)
+    ranges = found.log.readings["range"]
+    assert 'range = "nodes.dis"' in found.text
+    assert [len(ranges.time), {*ranges.values[:, 0]}] == [2 * 133, {4.25}]
+    assert (ranges.robot != ranges.other).all()
+    (left_out,) = {line.split("left out ")[1] for f in found.findings if "left out" in (line := f.fact)}
+    assert left_out == "66 readings of '101': neither a robot of the team nor a place"
+    with pytest.raises(BadInput, match=r"messages of /red/uwb have no field 'nodes\.dist'; .*nodes\.dis"):
+        read_topics(tmp_path, {"/red/uwb": ("nodes.dist", "nodes.id")})
+
+
+def test_messages_may_say_who_measured_whom_in_what_unit(tmp_path):
+    def messages(_):
+        for k in range(200):
+            for source, target in (("red", "blue"), ("blue", "red")):
+                fields = {"source": source, "target": target, "distance_mm": 4000 + k, "rssi": -60.0}
+                yield "/uwb", "uwb_msgs/msg/Range", 0.1 * k + 0.01 * (source == "red"), fields
+
+    truth_in_a_bag_of_its_own(tmp_path)
+    bag_of_radios(tmp_path, messages)
+    found = inspect_recording(tmp_path)
+    ranges = found.log.readings["range"]
+    assert 'robot = "source"' in found.text
+    assert [len(ranges.time), ranges.values.min(), ranges.values.max()] == [400, 4.0, 4.199]
+    at = np.array(found.log.robots)[ranges.robot] == "red"
+    np.testing.assert_allclose(np.diff(ranges.time[at]), 0.1, atol=1e-6)
 
 
 def test_a_bag_whose_files_are_compressed_is_a_bag(tmp_path):
