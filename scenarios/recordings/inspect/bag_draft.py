@@ -11,13 +11,8 @@ import numpy as np
 from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.recordings.bag_storage import is_bag, standard_types
 from cooploc.scenarios.recordings.bags import TopicSeries, find_runs, read_fields, read_topics, text_folders, topics
-from cooploc.scenarios.recordings.inspect.csv_draft import (
-    Guess,
-    column_entry,
-    guess_fields,
-    split_readings,
-    tables_beside_bag,
-)
+from cooploc.scenarios.recordings.inspect.columns import Guess, table_of_fields
+from cooploc.scenarios.recordings.inspect.csv_draft import column_entry, split_readings, tables_beside_bag
 from cooploc.scenarios.recordings.inspect.draft_toml import Draft, DraftTable, Entry
 from cooploc.scenarios.recordings.inspect.naming import (
     ODOMETRY,
@@ -171,12 +166,12 @@ def _field_tables(
     nodes: dict[tuple[str, str, str], dict[str, str]] = {}
     used: dict[str, str] = {}
     for topic, fields in read_fields(path, topics).items() if topics else ():
-        table, guesses = guess_fields(topic, fields)
-        own = next((robot for robot in robots if robot in topic), "")
-        ends = [g for quantity in ("robot", "other") for g in guesses if g.quantity == quantity]
+        table = table_of_fields(topic, fields)
+        own = next((robot for robot in robots if robot in topic or len(robots) == 1), "")
+        ends = [g for quantity in ("robot", "other") for g in table.guesses if g.quantity == quantity]
         named = [("robot", ends[0])] * (not own) + [("other", ends[-1])] if len(ends) > (not own) else []
         for kind in ("range", "rssi") if named else ():
-            place, of_kind = _place(ends[-1]), [g for g in guesses if g.quantity == kind]
+            place, of_kind = _place(ends[-1]), [g for g in table.guesses if g.quantity == kind]
             groups = split_readings([g for g in of_kind if _place(g) == place] or of_kind, named=True)
             if not groups:
                 continue

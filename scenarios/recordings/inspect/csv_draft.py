@@ -1,107 +1,30 @@
-"""A log.toml for a directory of CSV files: what each column is and whose, always with the reason.
+"""A log.toml for a directory of CSV files: which columns make a table, and whose they are, always with the reason.
 
-A column's meaning follows from its name first, then from its values; its robot from a column of names, else from the
-names of the files.
+A column's robot follows from a column of names, else from the names of the files.
 """
 
-import csv
-import re
-import statistics
 from collections import Counter
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from itertools import pairwise
 from pathlib import Path
-from reprlib import repr as short_repr
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from cooploc.estimators.errors import BadInput
-from cooploc.estimators.interface import Array
 from cooploc.scenarios.recordings.inspect import naming
 from cooploc.scenarios.recordings.inspect.checks import Finding
+from cooploc.scenarios.recordings.inspect.columns import PART, CsvTable, Guess, infer_columns, infer_unit, read_csv
 from cooploc.scenarios.recordings.inspect.draft_toml import Draft, DraftTable, Entry
 from cooploc.scenarios.recordings.schema import COLUMNS, UNITS
-from cooploc.scenarios.recordings.text_files import (
-    COMMENTS,
-    LEAST_LEFT,
-    is_text,
-    parse_field,
-    read_text,
-    split_fields,
-)
+from cooploc.scenarios.recordings.text_files import is_text
 
-DELIMITERS = (";", ",", "\t", "|", " ")
 REMEDY = "name the files odom_NAME.csv and truth_NAME.csv, or write log.toml by hand (docs/how-to/robots.md)"
 READINGS = {"sightings": ("range", "bearing"), "ranges": ("range",), "rssi": ("rssi",)}  # table -> its columns
 STAMPS = ("time", "sec", "nsec")
 KINDS = ("velocity", "path", "displacement", "pose")  # of odometry; the first whose columns a file has
 
 # --- Files
-
-
-class Guess(NamedTuple):
-    """The probable meaning of a column."""
-
-    column: str
-    quantity: str  # "" if it is not known
-    unit: str  # as in log.toml; "" if there is none
-    side: str  # "truth" or "odometry", if the name says so
-    reason: str
-    quaternion: tuple[str, ...] = ()  # the columns of which it is the last
-
-
-class CsvTable(NamedTuple):
-    """A CSV file, with a guess for each column."""
-
-    name: str  # as in log.toml
-    delimiter: str
-    columns: Mapping[str, Array | tuple[str, ...]]  # numbers (rows,), nan where empty; else the fields as they are
-    guesses: tuple[Guess, ...] = ()
-    robots: tuple[str, ...] = ()  # whose names stand in place of {robot} in the names of columns
-
-    def numbers(self, column: str) -> Array:
-        """Return a column's finite numbers, in order; none of a column of words."""
-        values = self.columns[column]
-        return np.empty(0) if isinstance(values, tuple) else values[np.isfinite(values)]
-
-    def names(self, column: str) -> list[str]:
-        """Return the different words in a column, in order of appearance."""
-        values = self.columns[column]
-        words = values if isinstance(values, tuple) else (f"{v:g}" for v in values[np.isfinite(values)])
-        return list(dict.fromkeys(filter(None, words)))
-
-
-def read_csv(path: Path, name: str) -> CsvTable:
-    """Read a CSV file whose first line names the columns; lines that are too short or too long are left out."""
-    text = read_text(path).lstrip()
-    if not text:
-        raise BadInput(f"{path}: the file is empty; get it again")
-    lines = text.split("\n")
-    first = next((line for line in lines if line and not line.startswith(COMMENTS)), lines[0]).strip()
-    if not any(d in first for d in DELIMITERS):  # a title, or names that are divided by nothing
-        first = next((line for line in lines[1:10] if any(d in line for d in DELIMITERS)), first)
-    fields = {d: len(next(csv.reader([first], delimiter=d, skipinitialspace=True), [])) for d in DELIMITERS}
-    delimiter = max(DELIMITERS, key=lambda d: (fields[d] > 1, d != " ", fields[d]))
-    head, line, rows = split_fields(text, delimiter)
-    if twice := next((name for name in head if head.count(name) > 1), None):
-        raise BadInput(f"{path}, line {line}: two columns are named {short_repr(twice)}; rename one")
-    whole = [row for _, row in rows if len(row) == len(head)]
-    if not rows:
-        raise BadInput(f"{path}: it has no line of data with {len(head)} fields as in line {line}; get the file again")
-    if len(whole) < LEAST_LEFT * len(rows):
-        most = statistics.mode(len(row) for _, row in rows)
-        remedy = "leave one line above the numbers, with the names of all columns (of a truth: time, x, y, heading)"
-        raise BadInput(f"{path}: most lines have {most} fields, and line {line}, with the names, {len(head)}; {remedy}")
-    patterns, robots = naming.columns_of_robots(head)
-    columns: dict[str, Array | tuple[str, ...]] = {}
-    for column, words in zip(head, zip(*whole, strict=True), strict=True):  # of several robots the first one's values
-        numbers = np.array([parse_field(word) for word in words])
-        good, filled = np.isfinite(numbers), sum(map(bool, words))
-        is_number = filled and good.sum() >= 0.9 * filled
-        columns.setdefault(patterns.get(column, column), np.where(good, numbers, np.nan) if is_number else words)
-    found = CsvTable(name, delimiter, columns, (), robots)
-    return found._replace(guesses=infer_columns(found))
 
 
 def _read_files(paths: Iterable[Path], folder: Path, data: Path) -> tuple[list[CsvTable], list[str]]:
@@ -125,144 +48,6 @@ def _unread_places(folder: Path) -> list[tuple[Path, str]]:
 
 def _text_files(folder: Path) -> list[Path]:
     return sorted(p for p in folder.rglob("*") if is_text(p))
-
-
-# --- Values
-
-EPOCHS = {"ns": 1e9, "us": 1e6, "ms": 1e3, "s": 1.0}  # in a second
-SINCE_1970 = (5e8, 5e9)  # [s] from 1985 to 2128
-SLOW = 2.0  # [1/s] in radians robots turn more slowly, in degrees faster
-NAMES = ("robot", "other")  # quantities whose values are names
-PART = "part of a quaternion"
-TUM = (("time", "s"), ("x", "m"), ("y", "m"), ("", ""))  # quantities and units of the columns before a quaternion
-
-
-def infer_columns(table: CsvTable) -> tuple[Guess, ...]:
-    """Guess the meaning of each column."""
-    file_side, quaternions = naming.side_of(Path(table.name).stem), _quaternions(table)
-    guesses = [
-        quaternions[column]._replace(side=naming.side_of(column) or file_side)
-        if column in quaternions
-        else _guess(table, column, file_side)
-        for column in table.columns
-    ]
-    both = [g for g in guesses if g.quantity in NAMES or g.column in ("i", "j")]  # robot1 and robot2, or i and j
-    if len(both) == 2 and {*table.names(both[0].column)} & {*table.names(both[1].column)}:
-        for one, quantity in zip(both, NAMES, strict=True):
-            if both[0].quantity == both[1].quantity:
-                guesses[guesses.index(one)] = one._replace(quantity=quantity, reason="two columns with the same names")
-    return tuple(guesses)
-
-
-def _quaternions(table: CsvTable) -> dict[str, Guess]:
-    """Return guesses for columns that are quaternions, of x, y, z, w or of z, w: that of w is taken for the heading.
-
-    A unit may follow: q_RS_w [] of EuRoC. Eight columns without names, of which the last four are a quaternion, are
-    stamp, position and orientation (TUM).
-    """
-    found: dict[str, Guess] = {}
-    numbered = list(table.columns) == list("12345678")
-    for column in table.columns:
-        of_w = re.fullmatch(r"(.*)([wW])(\s*[\[(].*)?", column)
-        own = [f"{of_w[1]}{q}{of_w[3] or ''}" for q in ("xyzw" if of_w[2] == "w" else "XYZW")] if of_w else []
-        own = [name for name in own if name in table.columns]
-        own = list("5678") if numbered and column == "8" else own
-        values = [values for name in own if not isinstance(values := table.columns[name], tuple)]
-        if len(own) not in (2, 4) or len(values) < len(own):
-            continue
-        lengths = np.linalg.norm(np.array(values, float), axis=0)
-        if (np.abs(lengths[np.isfinite(lengths)] - 1) < 0.01).mean() > 0.9 and np.isfinite(lengths).any():
-            found |= {name: Guess(name, "", "", "", PART) for name in own}
-            whole = f"with {', '.join(own[:-1])} of length 1: a quaternion"
-            found[column] = Guess(column, "heading", "rad", "", whole, tuple(own))
-            for k, (quantity, unit) in enumerate(TUM if numbered else (), 1):
-                found[f"{k}"] = Guess(f"{k}", quantity, unit, "", f"column {k} of eight as in TUM files")
-    return found
-
-
-def _guess(table: CsvTable, column: str, file_side: str) -> Guess:
-    quantity, named_unit, side = naming.name_meaning(column)
-    reason, values = f"its name {column!r}", table.numbers(column)
-    change = np.diff(values)
-    beside = {naming.name_meaning(name)[::2] for name in table.columns}
-    places = [name for name in (column[:-1] + q for q in "xy") if name in table.columns]
-    unknown = ""
-    if not quantity:
-        remedies = [naming.REMEDY[word] for word in naming.words_of(column) if word in naming.REMEDY]
-        unknown = remedies[0] if remedies else "neither name nor values say what it is"
-    elif isinstance(table.columns[column], tuple) and quantity not in NAMES:
-        unknown = f"its name says {quantity}, but its values are not numbers"
-    elif (
-        quantity == "turn_rate"
-        and column[1:]
-        and column[-1] == "w"
-        and [naming.name_meaning(n)[0] for n in places] == ["x", "y"]
-        and "speed" not in dict(beside)
-    ):
-        unknown = "w beside x and y: part of a quaternion, or a heading"
-    elif quantity in ("time", "sec") and len(values) > 1 and (change < 0).mean() > 0.3:
-        unknown = f"its name says {quantity}, but its values fall"
-    if unknown:
-        return Guess(column, "", "", side, unknown)
-    rises = len(values) > 10 and (change >= 0).all() and np.ptp(values) > 0
-    if rises and (quantity, side) == ("x", "odometry") and ("y", "odometry") not in beside:
-        quantity = "length"
-        reason += " has no y beside it, and its values only rise: a counter of metres"
-    unit, why = _unit(quantity, named_unit, values, _turn_rate(table, column) if quantity == "heading" else np.inf)
-    return Guess(column, quantity, unit, side or file_side, reason + (f"; {why}" if why else ""))
-
-
-def _turn_rate(table: CsvTable, column: str) -> float:
-    """Return how fast a column of angles turns: the 90th percentile of its changes [1/s]; inf where that is unknown."""
-    stamp = next((c for c in table.columns if naming.name_meaning(c)[0] == "time"), column)
-    t, values = table.columns[stamp], table.columns[column]
-    if isinstance(t, tuple) or isinstance(values, tuple) or not np.isfinite(t).any():
-        return np.inf
-    dt = np.diff(t) / EPOCHS[_time_unit(t[np.isfinite(t)])[0]]
-    rates = np.abs(np.diff(values))[dt > 0] / dt[dt > 0]
-    return float(np.nanquantile(rates, 0.9)) if np.isfinite(rates).any() else np.inf
-
-
-def _unit(quantity: str, named: str, values: Array, turn_rate: float) -> tuple[str, str]:
-    """Return the unit of a quantity and the reason: by the column's name, else by its values."""
-    if quantity in NAMES:
-        return "", ""
-    if named:
-        return named, f"{named} is in its name"
-    usual_unit = (naming.SI | naming.RATES).get(quantity, "m")
-    if not len(values):
-        return usual_unit, "no values"
-    if quantity == "time":
-        return _time_unit(values)
-    largest, usual = (float(q) for q in np.quantile(np.abs(values), [0.99, 0.75]))
-    span, far = float(np.ptp(np.quantile(values, [0.02, 0.98]))), largest > 2.1 * np.pi
-    slow = turn_rate < SLOW and not (np.abs(np.diff(values)) > 300).any()
-    unwrapped = f"turn by up to {turn_rate:.2g} in a second: radians, unwrapped, perhaps"
-    rules = (
-        (usual_unit == "rad" and far and slow, "rad", f"values reach {largest:.4g} and {unwrapped}"),
-        (usual_unit == "rad" and far and largest <= 361, "deg", f"values reach {largest:.4g}, more than 2 pi"),
-        (usual_unit == "rad", "rad", f"values reach {largest:.3g}"),
-        (quantity == "turn_rate" and usual > 2 * np.pi, "deg/s", f"values reach {largest:.4g}: too fast in rad/s"),
-        (quantity == "speed" and largest > 30, "mm/s", f"values reach {largest:.4g}: too fast for m/s"),
-        (usual_unit != "m", usual_unit, "SI" * (quantity in naming.RATES)),
-        (span > 1000, "mm", f"values span {span:.4g}: too far for metres"),
-        (span > 100, "cm", f"values span {span:.4g}: far for metres, perhaps"),
-    )
-    return next(((unit, why) for holds, unit, why in rules if holds), ("m", f"values span {span:.3g}"))
-
-
-def _time_unit(values: Array) -> tuple[str, str]:
-    """Return the unit of stamps by their size since 1970, else by their intervals: between 0.1 ms and 30 s."""
-    middle = float(np.median(values))
-    for unit, factor in EPOCHS.items():
-        if SINCE_1970[0] < middle / factor < SINCE_1970[1]:
-            return unit, f"{middle:.4g} since 1970 is in {unit}"
-    intervals = np.diff(values)
-    usual = float(np.median(intervals[intervals > 0])) if (intervals > 0).any() else 1.0
-    for unit, least in (("ns", 1e6), ("us", 1e3), ("ms", 5.0)):
-        if usual >= least and float(np.ptp(values)) > 2e3:
-            return unit, f"the usual interval is {usual:.4g}"
-    return "s", f"the usual interval is {usual:.3g}"
 
 
 # --- Tables that columns belong to
@@ -354,7 +139,8 @@ def _name_readings(file: CsvTable, robots: Sequence[str], fixed: Sequence[str]) 
     of = [column for column in file.columns if column in fixed and len(file.numbers(column))]
     kind = "rssi" if any((file.numbers(column) < 0).all() for column in of) else "range"
     found = {
-        c: Guess(c, kind, *_unit(kind, "", file.numbers(c), np.inf)[:1], "", "its name is that of a place") for c in of
+        c: Guess(c, kind, *infer_unit(kind, "", file.numbers(c), np.inf)[:1], "", "its name is that of a place")
+        for c in of
     }
     return file._replace(guesses=tuple(found.get(g.column, g) for g in file.guesses))
 
@@ -555,16 +341,6 @@ def tables_beside_bag(folder: Path, paths: Sequence[Path], robots: Sequence[str]
     ]
     tables = tuple(table for table in drafted if isinstance(table, DraftTable))
     return Draft((), tables, _column_rows(files), (*unused, *(line for line in drafted if isinstance(line, str))))
-
-
-def guess_fields(topic: str, fields: Mapping[str, Sequence[Any]]) -> tuple[CsvTable, tuple[Guess, ...]]:
-    """Return the fields of a topic's messages as columns, with a guess for each."""
-    columns: dict[str, Array | tuple[str, ...]] = {}
-    for name, values in fields.items():
-        numbers = not any(isinstance(value, str) for value in values)
-        columns[name] = np.array(values, float) if numbers else tuple(map(str, values))
-    table = CsvTable(topic, "", columns)
-    return table, infer_columns(table)
 
 
 def _column_rows(files: Sequence[CsvTable]) -> tuple[tuple[str, str, str, str], ...]:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cooploc.estimators.errors import BadInput
-from cooploc.scenarios.recordings.inspect.csv_draft import read_csv
+from cooploc.scenarios.recordings.inspect.columns import read_csv
 from cooploc.scenarios.recordings.inspect.naming import file_pattern, name_meaning
 
 LINES = 40
