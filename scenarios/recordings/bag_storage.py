@@ -179,6 +179,8 @@ def fields_of(message: Any) -> dict[str, list[Any]]:
     found: dict[str, list[Any]] = {}
     for name in (field.name for field in dataclasses.fields(message) if field.name not in ("header", "__msgtype__")):
         value = getattr(message, name)
+        if isinstance(value, list | tuple | np.ndarray) and not len(value):
+            found[name] = []
         for element in value[:64] if isinstance(value, list | tuple | np.ndarray) else [value]:
             inner = fields_of(element) if dataclasses.is_dataclass(element) else {"": [element]}
             for below, values in inner.items():

@@ -40,7 +40,7 @@ class Topic(NamedTuple):
 
 Content = tuple[dict[str, Topic], list[str]]  # topics by name, and warnings
 Wanted = Mapping[str, tuple[str, ...]]  # topics -> fields of their messages; none for the numbers of `KINDS`
-EVERY_FIELD = ("*",)
+EVERY_FIELD, SAMPLE = ("*",), 1000  # of so many messages of a topic, those that are no images or clouds of points
 
 
 def read_content(path: Path, wanted: Wanted | None) -> Content:
@@ -133,14 +133,14 @@ def _collect(bag: Bag, wanted: Wanted | None) -> Content:
             if not 0 <= time < LATEST:
                 raise ValueError
             if wanted is not None:
-                message = bag.decode(raw, topic.type)
-                of = fields[name]
-                if of == EVERY_FIELD:
-                    rows: list[Row] = [tuple(bag_storage.fields_of(message).items())]
+                if (of := fields[name]) == EVERY_FIELD:
+                    if len(raw) < LARGE and len(topic.rows) < SAMPLE:
+                        topic.rows.append([tuple(bag_storage.fields_of(bag.decode(raw, topic.type)).items())])
                 else:
+                    message = bag.decode(raw, topic.type)
                     rows = bag_storage.field_rows(message, of) if of else KINDS[topic.type].rows(message)
-                topic.stamps.append(bag_storage.stamp_of(message))
-                topic.rows.append(rows)
+                    topic.stamps.append(bag_storage.stamp_of(message))
+                    topic.rows.append(rows)
             topic.received.append(time)
             if len(raw) < LARGE:
                 topic.hashes.add(hash(bytes(raw)))
@@ -211,14 +211,13 @@ def read_topics(path: Path, names: Collection[str], all_there: bool = True) -> t
     if all_there and (lost := next((name for name in names if name not in content), None)):
         raise BadInput(f"{path}: there is no topic {lost!r}; {nearest(lost, list(content))}")
     for name, fields in wanted.items():
-        if (
-            fields
-            and name in content
-            and not any(content[name].rows)
-            and (there := read_fields(path, [name]).get(name))
-        ):
-            lost = next((field for field in fields if field not in there), "")
-            raise BadInput(f"{path}: messages of {name} have no field {lost!r}; {nearest(lost, list(there))}")
+        if fields and name in content and not any(content[name].rows):
+            there = read_fields(path, [name]).get(name, {})
+            empty = {array for array in there if not there[array] and not any(k.startswith(f"{array}.") for k in there)}
+            absent = [field for field in fields if field not in there and field.split(".")[0] not in empty]
+            if there and absent:
+                known = nearest(absent[0], list(there))
+                raise BadInput(f"{path}: messages of {name} have no field {absent[0]!r}; {known}")
     # How far [ns] headers are behind the recorder's clock, if one of the two was not set.
     behind = [
         np.median(late)

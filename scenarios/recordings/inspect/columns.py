@@ -85,7 +85,7 @@ def read_csv(path: Path, name: str) -> CsvTable:
 def table_of_fields(topic: str, fields: Mapping[str, Sequence[Any]]) -> CsvTable:
     """Return the fields of a topic's messages as columns, with a guess for each."""
     columns: dict[str, Array | tuple[str, ...]] = {}
-    for name, values in fields.items():
+    for name, values in ((name, values) for name, values in fields.items() if values):
         numbers = not any(isinstance(value, str) for value in values)
         columns[name] = np.array(values, float) if numbers else tuple(map(str, values))
     found = CsvTable(topic, "", columns)
