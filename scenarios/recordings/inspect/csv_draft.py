@@ -307,7 +307,7 @@ def _draft_run(folder: Path, data: Path) -> tuple[Draft, tuple[str, ...]]:
             ]
     fixed = [name for part in parts if part.table in ("anchors", "landmarks") for name in _places_of(part)]
     files = [_name_readings(file, robots, fixed) for file in files]
-    unused += [f"{file.name}: {lack}" for file in files if (lack := _lack(file))]
+    unused += _for_files((_lack(file), file.name) for file in files)
     parts = _merge_parts([part for file in files for part in _parts(file)], [])
     entries.append(Entry("robots", list(robots), why or "their names in the names of the files", "likely"))
     delimiter = files[0].delimiter
@@ -322,10 +322,22 @@ def _draft_run(folder: Path, data: Path) -> tuple[Draft, tuple[str, ...]]:
             raise BadInput(f"{folder}: {table}; or {REMEDY}")
         else:
             unused.append(table)
+    read, left = {g.column for part in parts for g in part.each}, list[tuple[str, str]]()
     for file in files:
-        if unknown := [g.column for g in file.guesses if g.column and not g.quantity and g.reason != PART]:
-            unused.append(f"{file.name}: columns {', '.join(unknown)}")
+        lost = {g.column for g in file.guesses if g.quantity in ("range", "rssi") and read} - read
+        lost |= {g.column for g in file.guesses if not g.quantity and g.reason != PART}
+        if unknown := ", ".join(g.column for g in file.guesses if g.column in lost):
+            left.append((f"columns {unknown}", file.name))
+    unused += _for_files(left)
     return Draft(tuple(entries), tuple(tables.values()), _column_rows(files), tuple(unused), doubts), robots
+
+
+def _for_files(lines: Iterable[tuple[str, str]]) -> list[str]:
+    """Return each line once, behind all files that it is about; an empty one is about nothing."""
+    files: dict[str, list[str]] = {}
+    for line, file in lines:
+        files.setdefault(line, []).append(file)
+    return [f"{', '.join(names)}: {line}" for line, names in files.items() if line]
 
 
 def tables_beside_bag(folder: Path, paths: Sequence[Path], robots: Sequence[str], there: Collection[str]) -> Draft:

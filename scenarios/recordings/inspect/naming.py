@@ -98,11 +98,10 @@ def pairs_of_robots(names: Iterable[str], robots: Sequence[str]) -> dict[str, st
         pair = re.compile(rf"(?<![A-Za-z0-9]){a}(\D*?){b}(?![A-Za-z0-9])|(?<=[A-Za-z]){a}(\D*?){b}(?!\d)")
         for name in names:
             pattern = pair.sub(lambda m: f"{{robot}}{m[1] or m[2] or ''}{{other}}", name)
-            itself = any(pattern.replace("{robot}", r).replace("{other}", r) in names for r in robots)
-            if itself and re.search(r"\{robot\}.*[A-Za-z].*\{other\}", pattern):
-                continue
             if pattern != name and name_meaning(pattern)[0] in ("range", "rssi"):
-                found[name] = pattern
+                itself = any(pattern.replace("{robot}", r).replace("{other}", r) in names for r in robots)
+                if not (itself and re.search(r"\{robot\}.*[A-Za-z].*\{other\}", pattern)):
+                    found[name] = pattern
     return found
 
 

@@ -222,6 +222,17 @@ def test_places_in_a_file_that_is_not_read_are_named(team):
     assert "anchors.yaml: not read; write its places into [anchors]" in cl.inspect(folder).inspected.unused
 
 
+def test_columns_that_are_left_are_named_once_for_all_files(team):
+    folder = team()
+    for name in ("uwb.csv", "truth_red.csv", "truth_blue.csv"):
+        table = pd.read_csv(folder / name)
+        table.assign(**({"range_raw": 1.0} if name == "uwb.csv" else {"remark": "dry"})).to_csv(
+            folder / name, index=False
+        )
+    unused = cl.inspect(folder).inspected.unused
+    assert {"uwb.csv: columns range_raw", "truth_blue.csv, truth_red.csv: columns remark"} <= {*unused}
+
+
 def test_relative_positions_say_what_to_write(team):
     folder = team()
     seen = pd.DataFrame({"time": [1.7e9, 1.7e9 + 1], "observer": "red", "target": "blue", "rel_x": 1.0, "rel_y": 2.0})
