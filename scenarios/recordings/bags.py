@@ -40,7 +40,8 @@ class Topic(NamedTuple):
 
 Content = tuple[dict[str, Topic], list[str]]  # topics by name, and warnings
 Wanted = Mapping[str, tuple[str, ...]]  # topics -> fields of their messages; none for the numbers of `KINDS`
-EVERY_FIELD, SAMPLE = ("*",), 1000  # of so many messages of a topic, those that are no images or clouds of points
+EVERY_FIELD = ("*",)
+SAMPLE = 1000  # messages of a topic whose fields are looked at
 
 
 def read_content(path: Path, wanted: Wanted | None) -> Content:

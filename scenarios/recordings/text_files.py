@@ -53,7 +53,10 @@ def read_text(path: Path) -> str:
     try:
         raw = path.read_bytes()
         if path.suffix.lower() == ".gz":
-            raw = zlib.decompressobj(zlib.MAX_WBITS | 16).decompress(raw)
+            packed, raw = raw, b""
+            while packed:  # one that is cut off is read up to there; several may stand one after the other
+                part = zlib.decompressobj(zlib.MAX_WBITS | 16)
+                raw, packed = raw + part.decompress(packed), part.unused_data
     except FileNotFoundError:
         raise BadInput(f"{path}: there is no such file; get the whole recording") from None
     except OSError as e:

@@ -1,5 +1,7 @@
 """A team's log from CSV files, as log.toml describes them."""
 
+import gzip
+
 import numpy as np
 import pytest
 from made_team import ANCHORS, BIAS, DESCRIPTION, ROBOTS, describe, poses_at, write
@@ -8,6 +10,7 @@ import cooploc as cl
 from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.recordings import csv_files, schema
 from cooploc.scenarios.recordings.inspect.checks import check_recording
+from cooploc.scenarios.recordings.text_files import read_text
 
 UWB = DESCRIPTION[DESCRIPTION.index("[ranges]") : DESCRIPTION.index("[fit]")]
 
@@ -157,3 +160,16 @@ def test_a_strict_run_refuses_what_another_reads_around_and_says_that_trials_are
     assert not (tmp_path / "run").exists()
     assert not len(cl.run_study("log", **options, trials=3).failures)
     assert "trials of a recording are its runs, not the 3 asked for: log/all has 1\n" in capsys.readouterr().err
+
+
+def test_a_compressed_text_may_be_in_parts_and_cut_off(tmp_path):
+    path = tmp_path / "odom.csv.gz"
+    lines = "".join(f"{k},{k * k % 97}\n" for k in range(20_000))
+    path.write_bytes(gzip.compress(b"time,v\n") + gzip.compress(lines.encode()))
+    assert read_text(path) == f"time,v\n{lines}"
+    path.write_bytes(path.read_bytes()[:-2000])
+    assert 1000 < len(text := read_text(path)) < len(lines)
+    assert f"time,v\n{lines}".startswith(text)
+    path.write_bytes(b"time,v\n1,2\n")
+    with pytest.raises(BadInput, match="this is no gzip file, or it is damaged"):
+        read_text(path)
