@@ -180,7 +180,10 @@ def _field_tables(
             mine = table.names(ends[0].column) if own and len(ends) > 1 else []
             key = kind, pattern, groups[0][0].column
             known = nodes.setdefault(key, {})
-            known |= match_names([word for word in words if clean_name(word) not in fixed], robots)
+            alike = match_names([word for word in words if clean_name(word) not in fixed], robots)
+            known |= (
+                {} if own in alike.values() else alike
+            )  # a robot does not measure itself: these are anchors' numbers
             known |= {mine[0]: own} if len(mine) == 1 else {}
             of_fields = (column_entry(quantity, guess) for quantity, guess in ((kind, groups[0][0]), *named))
             lines[key] = Entry("topic", pattern, "its messages have such fields", "likely"), *of_fields

@@ -389,8 +389,13 @@ def _draft_table(
     elif {nodes.get(name, name) for name in named} & {*robots}:
         file = Entry("file", pattern, f"a file for each robot: {names}")
         files_of = naming.match_names(named, robots)
-        if devices := _devices(part, [files_of.get(name, name) for name in named]):
+        owners = [files_of.get(name, name) for name in named]
+        if devices := _devices(part, owners):
             nodes, why_nodes = files_of | devices, "each stands in the file of one robot"
+        elif any(
+            nodes.get(word) == owner for owner, words in zip(owners, _others(part), strict=False) for word in words
+        ):
+            nodes = files_of  # a robot measures no distance from itself: these are numbers of anchors
         columns = {q: g for q, g in columns.items() if q != "robot"}
     elif len(robots) == len(files) == 1:
         file = Entry("file", files[0], "of the one robot")
@@ -428,6 +433,11 @@ def _devices(part: TablePart, robots: Sequence[str]) -> dict[str, str]:
     if len(robots) < 2 or max(count.values(), default=2) > 1 or {*count} & {*robots}:
         return {}
     return {name: robot for names, robot in zip(own, robots, strict=True) for name in names}
+
+
+def _others(part: TablePart) -> list[list[str]]:
+    """Return the names of what was measured, of each file."""
+    return [file.names(part.columns["other"].column) for file in part.files] if "other" in part.columns else []
 
 
 def _missing(part: TablePart) -> list[Entry]:

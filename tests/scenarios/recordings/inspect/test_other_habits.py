@@ -216,6 +216,19 @@ def test_beside_a_robot_by_its_name_a_number_is_of_no_robot():
     assert match_names(["1", "2"], ["robot1", "robot2"]) == {"1": "robot1", "2": "robot2"}
 
 
+def test_numbers_that_a_robot_would_share_with_itself_are_of_anchors(team):
+    folder = team(other_names)
+    ranges = pd.read_csv(folder / "uwb.csv")[["time", "range"]]
+    (folder / "uwb.csv").unlink()
+    for robot in (1, 2):
+        ranges.assign(anchor_id=[1 + k % 3 for k in range(len(ranges))]).to_csv(
+            folder / f"uwb_robot{robot}.csv", index=False
+        )
+    found = cl.inspect(folder).inspected
+    assert "range" not in found.log.readings
+    assert any("'1', '2', '3': neither a robot of the team nor a place" in finding.fact for finding in found.findings)
+
+
 def test_places_in_a_file_that_is_not_read_are_named(team):
     folder = team()
     (folder / "anchors.yaml").write_text("a1: [0, 0]\n")
