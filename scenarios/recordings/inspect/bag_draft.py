@@ -184,7 +184,7 @@ def _field_tables(
             known |= (
                 {} if own in alike.values() else alike
             )  # a robot does not measure itself: these are anchors' numbers
-            known |= {mine[0]: own} if len(mine) == 1 else {}
+            known |= {mine[0]: own} if len(mine) == 1 and mine[0] not in words else {}
             of_fields = (column_entry(quantity, guess) for quantity, guess in ((kind, groups[0][0]), *named))
             lines[key] = Entry("topic", pattern, "its messages have such fields", "likely"), *of_fields
             used[topic] = f"{used[topic]}, {kind}" if topic in used else kind

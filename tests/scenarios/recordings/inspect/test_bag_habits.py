@@ -183,6 +183,21 @@ def test_ranges_in_arrays_of_messages_that_are_not_standard_are_read_by_their_fi
         read_topics(tmp_path, {"/red/uwb": ("nodes.dist", "nodes.id")})
 
 
+def test_numbers_that_a_robot_would_share_with_itself_are_of_anchors(tmp_path):
+    def messages(types):
+        for k in range(200):
+            for number, robot in enumerate(("red", "blue"), 1):
+                node = types["uwb_msgs/msg/Node"](role=1, id=1 + k % 3, dis=4.25)
+                fields = {"id": number, "pos_3d": np.zeros(3, np.float32), "nodes": [node]}
+                yield f"/{robot}/uwb", "uwb_msgs/msg/Frame", 0.1 * k, fields
+
+    truth_in_a_bag_of_its_own(tmp_path)
+    bag_of_radios(tmp_path, messages)
+    found = inspect_recording(tmp_path)
+    assert "range" not in found.log.readings
+    assert any("'1', '2', '3': neither a robot of the team nor a place" in finding.fact for finding in found.findings)
+
+
 def test_messages_may_say_who_measured_whom_in_what_unit(tmp_path):
     def messages(_):
         for k in range(200):
