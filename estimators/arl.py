@@ -12,6 +12,7 @@ from typing import ClassVar, Literal
 from cooploc.estimators import particles as shared
 from cooploc.estimators.dead_reckoning import send_nothing
 from cooploc.estimators.interface import Mail, Senses
+from cooploc.estimators.models import RAW
 from cooploc.estimators.robust import AssumedLoss
 from cooploc.estimators.tunable import tunable
 
@@ -24,7 +25,7 @@ class Arl:
     api: ClassVar[int] = 1
     sends: ClassVar[str] = "nothing"
     particles: int = 200
-    anchor_reading: Literal["doa", "gradient", "rssi", "none"] = "doa"
+    anchor_reading: shared.AnchorReading = "doa"
     density: Literal["constant", "exact"] = tunable("constant", choices=("constant", "exact"), where=shared.DOA)
     residual: Literal["wrapped", "sum", "corners", "code"] = "wrapped"
     M: int = tunable(5, 1, 10, where=shared.DOA)
@@ -48,7 +49,7 @@ class Arl:
     @property
     def consistency(self) -> str:
         """Return what theory says of its covariance."""
-        if self.anchor_reading == "rssi":
+        if self.anchor_reading in RAW:
             return "consistent but for the number of particles"
         return "over-confident: a constant angle error, smoothed angles"
 

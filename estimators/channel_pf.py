@@ -59,7 +59,7 @@ class ChannelPf:
     sends: ClassVar[str] = "mean, covariance, odometry"
     consistency: ClassVar[str] = "over-confident: a link does not see what comes around others"
     particles: int = 200
-    anchor_reading: Literal["doa", "gradient", "rssi", "none"] = "doa"
+    anchor_reading: shared.AnchorReading = "doa"
     density: Literal["constant", "exact"] = tunable("constant", choices=("constant", "exact"), where=shared.DOA)
     residual: Literal["wrapped", "sum", "corners", "code"] = "wrapped"
     M: int = tunable(5, 1, 10, where=shared.DOA)

@@ -52,7 +52,7 @@ class Cmrl:
     sends: ClassVar[str] = "a sample of particles"
     consistency: ClassVar[str] = "over-confident, less so than `mrsl-*`: a detection counts once per 2.5 m"
     particles: int = 200
-    anchor_reading: Literal["doa", "gradient", "rssi", "none"] = "doa"
+    anchor_reading: shared.AnchorReading = "doa"
     density: Literal["constant", "exact"] = tunable("constant", choices=("constant", "exact"), where=shared.DOA)
     residual: Literal["wrapped", "sum", "corners", "code"] = "wrapped"
     M: int = tunable(5, 1, 10, where=shared.DOA)

@@ -316,7 +316,7 @@ class Ctrn:
     sends: ClassVar[str] = "mean and covariance"
     consistency: ClassVar[str] = "as `arl` alone; the fusion adds no over-confidence"
     particles: int = 200
-    anchor_reading: Literal["doa", "gradient", "rssi", "none"] = "doa"
+    anchor_reading: shared.AnchorReading = "doa"
     density: Literal["constant", "exact"] = tunable("constant", choices=("constant", "exact"), where=shared.DOA)
     residual: Literal["wrapped", "sum", "corners", "code"] = "wrapped"
     M: int = tunable(5, 1, 10, where=shared.DOA)

@@ -23,8 +23,8 @@ import numpy as np
 from cooploc.estimators.errors import require
 from cooploc.estimators.interface import Array, Belief, Indices, Mail, Mask, Rows, Senses, World
 from cooploc.estimators.kalman import linearise, symmetric
-from cooploc.estimators.kalman_window import READINGS, Window, append_tick, drop_oldest, empty, smooth, times
-from cooploc.estimators.models import RAW, AnchorReading, fixed_readings, gradient_doa, wrap_heading
+from cooploc.estimators.kalman_window import Window, append_tick, drop_oldest, empty, map_senses, smooth, times
+from cooploc.estimators.models import RAW, AnchorReading, fixed_channels, fixed_readings, gradient_doa, wrap_heading
 from cooploc.estimators.particle_likelihood import pack, unpack
 from cooploc.estimators.robust import Loss, weights
 
@@ -216,8 +216,8 @@ class Gbp:
         iterations: how often a robot linearises and solves its own window after the mail of a tick [count, at least 1].
         anchor_reading: "rssi", each raw reading of an anchor [dBm]; "doa", the direction of arrival [rad] made of four
             corners, with the variance that it has where the robot is; "doa-constant", with one variance everywhere;
-            "gradient", the gradient [dB/m] it is taken from; "any", as "rssi", and nothing where there are neither
-            anchors nor landmarks; or "none", no reading of anchors, nor of landmarks.
+            "gradient", the gradient [dB/m] it is taken from; "any", each reading of whatever fixed things there are:
+            RSSI [dBm] and ranges [m] of anchors, sightings of landmarks; or "none".
         reading: the radio reading that is used where no camera sees teammates: "range" [m] or "rssi" [dBm].
         loss: how errors of many standard deviations count: less, as in Huber's loss ("huber", beyond 3) or for the
             noise of Student's t ("student"); or fully ("none").
@@ -238,9 +238,7 @@ class Gbp:
     @property
     def uses(self) -> tuple[str, ...]:
         """Return the channels, in order of preference."""
-        optional = "?" * (self.anchor_reading == "any")
-        fixed = () if self.anchor_reading == "none" else ("anchor_rssi|landmark" + optional,)
-        return ("odometry", *fixed, f"sighting|radio_{self.reading}")
+        return ("odometry", *fixed_channels(self.anchor_reading), f"sighting|radio_{self.reading}")
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
         if self.anchor_reading not in (*RAW, "none") and "anchor_rssi" in world.sensors:
@@ -254,7 +252,7 @@ class Gbp:
 
     def predict(self, s: State, z: Senses) -> State:
         """Add a new pose x' = f(x, u) at the end of the window, without readings or messages of teammates."""
-        alone = z._replace(**{name: getattr(z, name)[:, None] for name in READINGS})
+        alone = map_senses(lambda reading: reading[:, None], z)
 
         def append(past: Array) -> Array:
             return np.concatenate([past, np.full((len(past), 1, *past.shape[2:]), np.nan)], 1)

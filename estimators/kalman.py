@@ -31,8 +31,9 @@ MEANINGS = {
     "anchor_reading": """what is used of the anchors: "doa", the direction of arrival [rad] made of the readings of four
         corner anchors, with the variance that it has where the robot is; "doa-constant", the same with one variance
         everywhere, as published; "gradient", the gradient [dB/m] that the direction is taken from; "rssi", each raw
-        reading [dBm]; "any", as "rssi", and nothing where there are neither anchors nor landmarks; or "none", no
-        reading of anchors, nor of landmarks: odometry and teammates alone.""",
+        reading; "any", each reading of whatever fixed things there are: RSSI [dBm] and ranges [m] of anchors,
+        sightings of landmarks; or "none": odometry and teammates alone. Without RSSI all of these but "any" and "none"
+        are the first that there is of landmarks and ranges.""",
     "gate": """squared Mahalanobis distance (no unit) beyond which a reading is refused; inf refuses none. The default
         refuses one in a thousand true readings of two numbers.""",
     "inflation": "factor, 0.01 to 100, on the standard deviation that is assumed of every reading; 1: the world's own.",
@@ -62,9 +63,7 @@ def explain(cls: C) -> C:
 
 def own_channels(p: Any) -> tuple[str, ...]:
     """Return the channels of a robot's own readings, in order of preference."""
-    if p.anchor_reading == "none":
-        return ("odometry",)
-    return ("odometry", "anchor_rssi|landmark|anchor_range" + "?" * (p.anchor_reading == "any"))
+    return ("odometry", *models.fixed_channels(p.anchor_reading))
 
 
 def team_channels(p: Any) -> tuple[str, ...]:

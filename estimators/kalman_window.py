@@ -7,6 +7,7 @@ Sources: B. Bell, "The iterated Kalman smoother as a Gauss-Newton method", SIAM 
 M. Frazier, "Smoothing for linear and nonlinear dynamic systems", TDR 63-119, Wright-Patterson AFB, 1963 (the way back).
 """
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,8 +18,6 @@ from cooploc.estimators.kalman import root, symmetric
 from cooploc.estimators.models import wrap_heading
 
 inverse: Any = np.linalg.inv
-
-READINGS = Senses._fields[:-1]  # all but `extra`
 
 
 class Window(NamedTuple):
@@ -51,15 +50,22 @@ def empty(prior: Belief, world: World) -> Window:
 def append_tick(s: Window, z: Senses) -> Window:
     """Add a new state x' = f(x, u) at the end, and what was sensed there."""
     newest, _, _ = s.world.motion.move(s.last, z.odometry, z.dt)
-    z = s.z._replace(**{name: append(getattr(s.z, name), getattr(z, name)) for name in READINGS})
-    return s._replace(x=append(s.x, newest), z=z)
+    past = s.z if s.z.extra else s.z._replace(extra=dict.fromkeys(z.extra, s.z.dt))  # before tick 0 all are empty
+    return s._replace(x=append(s.x, newest), z=map_senses(append, past, z))
 
 
 def drop_oldest(s: Window, oldest: Belief) -> Window:
     """Drop the oldest state, whose belief becomes the past."""
-    z = s.z._replace(**{name: getattr(s.z, name)[:, 1:] for name in READINGS})
+    z = map_senses(lambda readings: readings[:, 1:], s.z)
     air = s.air._replace(**{name: getattr(s.air, name)[:, 1:] for name in Mail._fields})
     return s._replace(x=s.x[:, 1:], z=z, air=air, past=oldest, at=s.x[:, 0], young=False)
+
+
+def map_senses(f: Callable[..., Array], *senses: Senses) -> Senses:
+    """Return senses whose every array, in `extra` too, is `f` of those of the given ones."""
+    extra = {name: f(*(z.extra[name] for z in senses)) for name in senses[0].extra}
+    arrays = {name: f(*(getattr(z, name) for z in senses)) for name in Senses._fields if name != "extra"}
+    return Senses(**arrays, extra=extra)
 
 
 def cost(s: Window) -> Array:

@@ -18,7 +18,7 @@ from cooploc.estimators.errors import require
 from cooploc.estimators.interface import Array, Belief, Mail, Rows, Senses, Traffic, World
 from cooploc.estimators.kalman import no_traffic
 from cooploc.estimators.kalman_window import Window
-from cooploc.estimators.models import wrap_heading
+from cooploc.estimators.models import fixed_channels, wrap_heading
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,8 @@ class MapJoint:
     Parameters:
         window: ticks that are estimated together [ticks, at least 1]; 1 is the iterated EKF.
         iterations: Gauss-Newton passes over the window in every tick [count, at least 1].
-        anchor_reading: "rssi", each raw reading of an anchor [dBm]; or "none", no reading of anchors, nor of landmarks.
+        anchor_reading: "rssi", each raw reading of whatever fixed things there are: RSSI [dBm] and ranges [m] of
+            anchors, sightings of landmarks; or "none".
         reading: the radio readings between robots: "both", "rssi" [dBm], "range" [m], or "none".
     """
 
@@ -44,7 +45,7 @@ class MapJoint:
     @property
     def uses(self) -> tuple[str, ...]:
         """Return all channels that `anchor_reading` and `reading` do not leave out."""
-        fixed = () if self.anchor_reading == "none" else ("anchor_rssi?", "landmark?")
+        fixed = fixed_channels("none" if self.anchor_reading == "none" else "any")
         radio = tuple(f"radio_{name}?" for name in ("rssi", "range") if self.reading in (name, "both"))
         return ("odometry", *fixed, "sighting?", *radio)
 

@@ -434,7 +434,8 @@ def _rms_error(eta: float, sigma: float, sides: tuple[float, float], grid: int =
 # its length, is von Mises).
 
 AnchorReading = Literal["doa", "gradient", "rssi", "doa-constant", "none", "any"]
-RAW = ("rssi", "any")  # readings as they are: of anchors in dBm; or of whatever fixed things there are
+RAW = ("rssi", "any")  # readings as they are, of anchors or landmarks
+FIXED = "anchor_rssi", "landmark", "anchor_range"  # channels of fixed things
 NOWHERE = np.zeros(2)  # a direction of arrival has no place of its own
 WEAKEST = 1e-9  # concentrations are clamped here
 
@@ -493,6 +494,13 @@ class GradientReading:
         """z - g(x) and its slopes; `q` is not used."""
         H = _widen(self.doa.slope(x).mT, x)
         return z - self.doa.expect(x), H, np.zeros((*H.shape[:-1], 2))
+
+
+def fixed_channels(reading: str) -> tuple[str, ...]:
+    """Return the channels of fixed things that `anchor_reading` uses: all with "any", else the first that there is."""
+    if reading == "any":
+        return tuple(f"{channel}?" for channel in FIXED)
+    return () if reading == "none" else ("|".join(FIXED),)
 
 
 def fixed_readings(world: World, z: Senses, reading: AnchorReading) -> Iterator[tuple[Sensor, Array, Array]]:

@@ -33,7 +33,7 @@ class Mrsl:
     sends: ClassVar[str] = "mean and covariance"
     consistency: ClassVar[str] = "over-confident: counts shared beliefs again and again"
     particles: int = 200
-    anchor_reading: Literal["doa", "gradient", "rssi", "none"] = "doa"
+    anchor_reading: shared.AnchorReading = "doa"
     density: Literal["constant", "exact"] = tunable("constant", choices=("constant", "exact"), where=shared.DOA)
     residual: Literal["wrapped", "sum", "corners", "code"] = "wrapped"
     M: int = tunable(5, 1, 10, where=shared.DOA)

@@ -216,8 +216,10 @@ PARAMETERS = """
     Parameters of the robot's own particle filter; the defaults are the readings of the `paper` preset:
         particles: their number, at least 2.
         anchor_reading: "doa", the direction of arrival made of the four anchor readings; "gradient", the gradient
-            [dB/m] that the direction is taken from, of this tick alone; "rssi", their raw likelihoods; or "none", no
-            reading of anchors: odometry and teammates alone.
+            [dB/m] that the direction is taken from, of this tick alone; "rssi", their raw likelihoods; "any", the
+            likelihoods of whatever fixed things there are: RSSI [dBm] and ranges [m] of anchors, sightings of
+            landmarks; or "none": odometry and teammates alone. Without RSSI the first three are the first that there is
+            of landmarks and ranges.
         density: of the direction: "constant" is a Gaussian error of the angle, "exact" the projected normal.
         residual: the error in the constant density: "wrapped", the particle's angle less the measured one in
             (-pi, pi]; "sum", eq. (4) to the letter: that difference not wrapped, once for each of the four nodes;
@@ -241,6 +243,7 @@ PARAMETERS = """
 DOA = "anchor_reading", "doa"  # what most parameters are about
 FARTHEST = 1e4  # [m] from the origin: there single numbers are a millimetre apart
 
+AnchorReading = Literal["doa", "gradient", "rssi", "any", "none"]
 RadioReading = Literal["rssi", "range"]
 C = TypeVar("C", bound=type)
 
@@ -260,14 +263,13 @@ def explain(cls: C) -> C:
 
 
 def own_channels(p: Any) -> tuple[str, ...]:
-    """Return the channels of a robot's own readings: of odometry and anchors."""
-    return ("odometry",) if p.anchor_reading == "none" else ("odometry", "anchor_rssi")
+    """Return the channels of a robot's own readings, in order of preference."""
+    return ("odometry", *models.fixed_channels(p.anchor_reading))
 
 
 def team_channels(p: Any) -> tuple[str, ...]:
     """Return the channels in any world where teammates meet, in order of preference."""
-    own = ("anchor_rssi|landmark" if channel == "anchor_rssi" else channel for channel in own_channels(p))
-    return (*own, f"sighting|radio_{p.reading}")
+    return (*own_channels(p), f"sighting|radio_{p.reading}")
 
 
 def power(p: Any) -> float:
@@ -313,8 +315,8 @@ def init(p: Any, prior: Belief, world: World, rows: Rows) -> FilterState:
 
 
 def _anchor_kind(p: Any, world: World) -> str:
-    """Return the kind of readings of fixed things that particles are weighed by."""
-    return "landmark" if "landmark" in world.sensors else str(p.anchor_reading)
+    """Return what particles are weighed by: the "doa" or "gradient" made of four RSSI, or each reading as it is."""
+    return str(p.anchor_reading) if "anchor_rssi" in world.sensors else "as it is"
 
 
 def _is_one_pass(p: Any, world: World) -> bool:
@@ -351,13 +353,9 @@ def predict(p: Any, s: FilterState, z: Senses) -> FilterState:
 def correct(p: Any, s: FilterState, z: Senses) -> FilterState:
     """Weigh the particles by the readings of anchors, or of landmarks."""
     reads = _anchor_kind(p, s.world)
-    fixed = list(s.world.fixed(z)) if reads == "rssi" else []
     if _is_one_pass(p, s.world):
-        sends = reads != "landmark" and p.sends != "nothing"
-        x, logw, sent = advance(s, z, s.tick, fixed, sends)
+        x, logw, sent = advance(s, z, s.tick, list(s.world.fixed(z)), p.sends != "nothing")
         s = s._replace(x=x, logw=logw, sent=sent)
-    elif reads == "rssi":
-        s = s._replace(logw=particle_likelihood.anchors(fixed, s.x, s.logw))
     elif reads == "gradient":
         doa = gradient_doa(s.world)
         s = s._replace(logw=particle_likelihood.gradient(doa, s.x, s.logw, doa.gradient(z.anchor_rssi)))
@@ -371,10 +369,9 @@ def correct(p: Any, s: FilterState, z: Senses) -> FilterState:
         form = "exact" if p.density == "exact" else p.residual
         logw = particle_likelihood.window(doa, s.world.motion, s.x, s.logw, angles, s.trail, form, power(p))
         s = s._replace(logw=logw)
-    s = round_to_single(p, s)
-    if reads != "landmark":
-        return s
-    return s._replace(logw=particle_likelihood.anchors_reference(list(s.world.fixed(z)), s.x, s.logw), sent=None)
+    else:
+        s = s._replace(logw=particle_likelihood.anchors(list(s.world.fixed(z)), s.x, s.logw))
+    return round_to_single(p, s)
 
 
 def belief_to_send(s: FilterState) -> Belief:

@@ -50,7 +50,7 @@ class ReciprocalPf:
     sends: ClassVar[str] = "particles as clusters"
     consistency: ClassVar[str] = "no guarantee: repeated counting narrows it, draws widen it"
     particles: int = 200
-    anchor_reading: Literal["doa", "gradient", "rssi", "none"] = "doa"
+    anchor_reading: shared.AnchorReading = "doa"
     density: Literal["constant", "exact"] = tunable("constant", choices=("constant", "exact"), where=shared.DOA)
     residual: Literal["wrapped", "sum", "corners", "code"] = "wrapped"
     M: int = tunable(5, 1, 10, where=shared.DOA)

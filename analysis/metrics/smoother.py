@@ -14,13 +14,13 @@ import numpy as np
 from cooploc.estimators import make
 from cooploc.estimators.interface import Array, Belief, Mail, Rows, Senses, World
 from cooploc.estimators.kalman_window import cost, empty, smooth_window
-from cooploc.estimators.models import wrap_heading
+from cooploc.estimators.models import fixed_channels, wrap_heading
 from cooploc.scenarios.runner.trace import trace
 from cooploc.scenarios.stream import Stream
 
 LABEL = "with hindsight (no estimator)"  # of its line in a figure
 SETTLED = 1e-9  # [m] or [rad]: no state moves by more in the last pass
-USES = ("odometry", "anchor_rssi?", "landmark?", "sighting?", "radio_rssi?", "radio_range?")
+USES = ("odometry", *fixed_channels("any"), "sighting?", "radio_rssi?", "radio_range?")
 
 
 @dataclass(frozen=True)

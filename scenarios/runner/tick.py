@@ -42,17 +42,24 @@ def visible(name: str, estimator: Any, stream: Stream) -> Stream:
     try:
         used = select_channels(name, tuple(estimator.uses), stream)
     except IncompatibleEstimator as e:
-        choices = getattr(type(estimator), "__annotations__", {}).get("anchor_reading")
-        if "any" not in get_args(choices):
-            raise
-        both = ",".join(f"{key}=any" for key in ("anchor_reading", "reading") if hasattr(estimator, key))
-        raise IncompatibleEstimator(f"{e}; [{both}] takes whatever readings there are") from None
+        raise IncompatibleEstimator(f"{e}{_remedy(estimator, stream)}") from None
     z, air = stream.senses, stream.air
     shown = {c: getattr(z, c) if c in used else getattr(z, c)[:, :, :, :0] for c in SENSED}
     heard = {c: getattr(air, c) if f"radio_{c}" in used else getattr(air, c)[..., :0] for c in ("rssi", "range")}
     z = z._replace(**shown, extra={c: a for c, a in z.extra.items() if c in used})
     sensors = {c: s for c, s in stream.world.sensors.items() if c in used}
     return replace(stream, senses=z, air=air._replace(**heard), world=replace(stream.world, sensors=sensors))
+
+
+def _remedy(estimator: Any, stream: Stream) -> str:
+    """Return the parameters with which an estimator runs on a stream, where these may be "any"."""
+    choices = getattr(type(estimator), "__annotations__", {})
+    chosen = dict.fromkeys([key for key in ("anchor_reading", "reading") if "any" in get_args(choices.get(key))], "any")
+    try:
+        select_channels("", tuple(replace(estimator, **chosen).uses), stream)
+    except (BadInput, TypeError):  # TypeError: it is no dataclass
+        return ""
+    return f"; [{','.join(f'{key}=any' for key in chosen)}] takes whatever readings there are"
 
 
 def senses(estimator: Any, stream: Stream) -> str:

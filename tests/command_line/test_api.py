@@ -47,7 +47,7 @@ def test_lists_say_what_there_is():
     assert all((table["about"] != "").all() for table in (estimators, scenarios, studies))
     assert estimators.index[estimators["centralised"]].tolist() == ["ekf-joint", "iekf-joint", "ukf-joint", "map-joint"]
     assert estimators.index[estimators["bound"]].tolist() == ["map-joint"]
-    assert estimators.loc["mrsl-rssi", "uses"] == "odometry, anchor_rssi, radio_rssi"
+    assert estimators.loc["mrsl-rssi", "uses"] == "odometry, anchor_rssi|landmark|anchor_range, radio_rssi"
     assert estimators.loc["ctrn", "source"].endswith("ICRA 2020")
     assert scenarios.loc["packet-drop", "labels"] == "packet-drop/drop=…"
     assert "ticks" in scenarios.loc["packet-drop", "parameters"].split(", ")

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from oracles import dense_posterior, linear_team
+from oracles import dense_posterior, linear_team, measure_anchor_ranges
 
 import cooploc as cl
 from cooploc.scenarios.runner.tick import make_loop
@@ -74,9 +74,10 @@ def test_on_ranges_and_sightings_the_means_become_those_of_map_joint(label, roun
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("window", [1, 4, 30])
-def test_alone_it_is_map_joint_for_any_window(window):
-    _, stream = cl.simulate("robots-1-3/n=1[ticks=20,prior_sigma=0.1]", trials=3, seed=2)
+@pytest.mark.parametrize(("window", "anchors"), [(1, "rssi"), (4, "rssi"), (4, "range"), (30, "rssi")])
+def test_alone_it_is_map_joint_for_any_window(window, anchors):
+    truth, stream = cl.simulate("robots-1-3/n=1[ticks=20,prior_sigma=0.1]", trials=3, seed=2)
+    stream = measure_anchor_ranges(truth, stream) if anchors == "range" else stream
     gbp = cl.make("gbp", window=window, loss="none", iterations=19)
     run = cl.run({"gbp": gbp, "map": cl.make("map-joint", window=window, iterations=20)}, stream)
     np.testing.assert_allclose(run.traces["gbp"].x, run.traces["map"].x, atol=1e-9)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from oracles import PLACES, dense_posterior, linear_team, path_residuals
+from oracles import PLACES, dense_posterior, linear_team, measure_anchor_ranges, path_residuals
 from scipy.optimize import least_squares
 
 import cooploc as cl
@@ -24,9 +24,11 @@ def test_where_all_is_linear_it_is_the_exact_posterior_for_any_window(window):
 
 
 @pytest.mark.slow
-def test_with_the_whole_past_in_its_window_it_is_the_least_squares_of_the_whole_path():
+@pytest.mark.parametrize("anchors", ["rssi", "range"])
+def test_with_the_whole_past_in_its_window_it_is_the_least_squares_of_the_whole_path(anchors):
     """Every misfit written down, and minimised by scipy from the truth."""
     truth, stream = cl.simulate("packet-drop/drop=0.5", trials=2, seed=4, robots=3, ticks=TICKS, prior_sigma=0.3)
+    stream = measure_anchor_ranges(truth, stream) if anchors == "range" else stream
     trace = cl.run({"map": cl.make("map-joint", window=TICKS, iterations=60)}, stream).traces["map"]
     for trial in range(2):
 

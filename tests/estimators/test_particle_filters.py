@@ -6,7 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from oracles import Grid, arrival, arrival_error, corners, gradient, log_distance
+from oracles import Grid, arrival, arrival_error, corners, gradient, log_distance, measure_anchor_ranges
 from scipy.stats import norm
 
 from cooploc.estimators import make
@@ -40,6 +40,12 @@ def gradient_log_likelihood(grid, reading):
     expected = (log_distance(np.hypot(grid.x - a, grid.y - b)) for a, b in corners(SIDE))
     (gx, gy), (mx, my) = gradient(*reading, SIDE, SIDE), gradient(*expected, SIDE, SIDE)
     return -((gx - mx) ** 2 + (gy - my) ** 2) / (2 * (NOISE / SIDE) ** 2)
+
+
+def range_log_likelihood(grid, reading):
+    """Ranges to the four anchors, as far as they are there."""
+    pairs = zip(reading, corners(SIDE), strict=True)
+    return sum(norm.logpdf(z, np.hypot(grid.x - a, grid.y - b), RANGE) for z, (a, b) in pairs if np.isfinite(z))
 
 
 def nothing(grid, reading):
@@ -123,9 +129,9 @@ def grid_posterior(stream, window=None, reading=None, trust=False, anchors=ancho
     x, P = np.empty((TICKS, n, 2)), np.empty((TICKS, n, 2, 2))
     for k in range(TICKS):
         for i, grid in enumerate(grids):
-            step, rssi = z.odometry[0, k, i], z.anchor_rssi[0, k, i]
+            step, own = z.odometry[0, k, i], z.extra.get("anchor_range", z.anchor_rssi)[0, k, i]
             grid.move(*step, ODOMETRY)
-            grid.weigh(windows[i](grid, rssi, step) if window else anchors(grid, rssi))
+            grid.weigh(windows[i](grid, own, step) if window else anchors(grid, own))
             for j in range(n):
                 memory[i, j] = [(moved + step, *packet) for moved, *packet in memory[i, j]]
         sent = [grid.moments() for grid in grids]  # before anything heard is used
@@ -142,10 +148,12 @@ def grid_posterior(stream, window=None, reading=None, trust=False, anchors=ancho
 
 
 @cache
-def papers_world():
-    """A short stream of the paper's world, in which a tenth of the anchor readings are missing."""
+def papers_world(ranges=False):
+    """A short stream of the paper's world; a tenth of the readings of anchors, RSSI or `ranges`, are missing."""
     sigmas = {"prior_sigma": PRIOR, "odometry_sigma": ODOMETRY}
-    _, stream = simulate("robots-1-3", seed=7, robots=3, drop=0.3, ticks=TICKS, **sigmas)
+    truth, stream = simulate("robots-1-3", seed=7, robots=3, drop=0.3, ticks=TICKS, **sigmas)
+    if ranges:
+        return measure_anchor_ranges(truth, stream)
     anchor = stream.senses.anchor_rssi.copy()
     anchor[np.random.default_rng(7).uniform(size=anchor.shape) < 0.1] = np.nan
     return stream.replace_arrays({"senses.anchor_rssi": anchor})
@@ -153,6 +161,7 @@ def papers_world():
 
 RSSI, RANGES = "mrsl-rssi", "mrsl-distance"
 GRADIENT = {"anchors": gradient_log_likelihood}
+ANCHOR_RANGES = {"anchors": range_log_likelihood}
 CASES = {
     "arl[anchor_reading=rssi]": {},
     "arl[M=1,K=1]": {"window": {"M": 1, "K": 1}},
@@ -161,6 +170,8 @@ CASES = {
     "arl[M=1,K=4,decay=0.7]": {"window": {"M": 1, "K": 4, "decay": 0.7}},
     "arl[M=1,K=1,density=exact]": {"window": {"M": 1, "K": 1, "density": "exact"}},
     "arl[anchor_reading=gradient]": GRADIENT,
+    "arl": ANCHOR_RANGES,  # where there is no RSSI
+    f"{RANGES}[anchor_reading=any]": {"reading": "range", **ANCHOR_RANGES},
     f"{RSSI}[anchor_reading=none]": {"reading": "rssi", "anchors": nothing},
     f"{RSSI}[anchor_reading=rssi,neighbour_samples=M,M=3]": {"reading": "rssi", "samples": 3},
     f"{RANGES}[anchor_reading=gradient,neighbour_samples=M,M=2]": {"reading": "range", "samples": 2, **GRADIENT},
@@ -175,7 +186,7 @@ CASES = {
 @pytest.mark.parametrize("configured", CASES)
 def test_particle_filter_is_the_grid_posterior(configured):
     """The mean of some runs on the same readings: within the grid's error, and that of drawing particles."""
-    stream = papers_world()
+    stream = papers_world(CASES[configured].get("anchors") is range_log_likelihood)
     x, P = grid_posterior(stream, **CASES[configured])
     runs = [trace("pf", make(configured, particles=PARTICLES), replace(stream, seed=1000 + s)) for s in range(TIMES)]
     drawn, cov = np.stack([r.x[0] for r in runs]), np.stack([r.P[0] for r in runs]).mean(0)

@@ -1,14 +1,14 @@
 """What the tests compare with: slow, plain, and sharing no formula with the code that is judged."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from hypothesis import HealthCheck, settings
 
 from cooploc.estimators.interface import Belief, Senses, World
-from cooploc.estimators.models import Displacement
+from cooploc.estimators.models import Displacement, Range
 from cooploc.scenarios.runner.trace import trace
 from cooploc.scenarios.stream import Air, Stream
 
@@ -263,16 +263,32 @@ def dense_path(stream: Stream, trial: int, last: int, relative: bool) -> tuple[n
     return (P @ h).reshape(last + 2, n, 2)[1:], P
 
 
+def measure_anchor_ranges(truth: Any, stream: Stream) -> Stream:
+    """The stream of robots that measure ranges to the anchors, nine of ten, in place of RSSI."""
+    rng = np.random.default_rng(9)
+    ranges = np.linalg.norm(truth.x[..., None, :2] - stream.world.anchors, axis=-1)
+    ranges = ranges + 0.1 * rng.normal(size=ranges.shape)
+    ranges[(rng.uniform(size=ranges.shape) < 0.1) | (ranges < 0.2)] = np.nan
+    sensors = {name: one for name, one in stream.world.sensors.items() if name != "anchor_rssi"}
+    senses = stream.senses._replace(anchor_rssi=stream.senses.anchor_rssi[..., :0], extra={"anchor_range": ranges})
+    return replace(stream, world=replace(stream.world, sensors=sensors | {"anchor_range": Range(0.1)}), senses=senses)
+
+
 def path_residuals(stream: Stream, trial: int, x: np.ndarray) -> np.ndarray:
     """Misfits, in standard deviations, of a path (T, n, 2) in the radio arena, the start before it at its best.
 
-    Of odometry, anchors, ranges, and each pair's RSSI once: the mean of both directions where both were heard.
+    Of odometry, anchors (RSSI, or ranges where there are these), ranges, and each pair's RSSI once: the mean of both
+    directions where both were heard.
     """
     z, air, link = stream.senses, stream.air, stream.air.link[trial]
     Q, P, anchors = stream.world.motion.sigma**2, stream.prior.P[trial, 0, 0, 0], stream.world.anchors
     first = (x[0] - stream.prior.x[trial] - z.odometry[trial, 0]) / np.sqrt(P + Q)
     moves = (np.diff(x, axis=0) - z.odometry[trial, 1:]) / np.sqrt(Q)
-    rssi = z.anchor_rssi[trial] - log_distance(np.linalg.norm(x[:, :, None] - anchors, axis=-1))
+    away = np.linalg.norm(x[:, :, None] - anchors, axis=-1)
+    if "anchor_range" in z.extra:
+        own = np.nan_to_num((z.extra["anchor_range"][trial] - away) / 0.1)
+    else:
+        own = (z.anchor_rssi[trial] - log_distance(away)) / np.sqrt(5)
     between = []
     for k, i, j in np.argwhere(link):
         d, ranged = np.linalg.norm(x[k, i] - x[k, j]), air.range[trial, k, i, j]
@@ -280,4 +296,4 @@ def path_residuals(stream: Stream, trial: int, x: np.ndarray) -> np.ndarray:
         if i < j or not link[k, j, i]:
             heard = [air.rssi[trial, k, i, j], air.rssi[trial, k, j, i]][: 1 + link[k, j, i]]
             between.append((np.mean(heard) - log_distance(d)) / np.sqrt(5))
-    return np.concatenate([first.ravel(), moves.ravel(), rssi.ravel() / np.sqrt(5), between])
+    return np.concatenate([first.ravel(), moves.ravel(), own.ravel(), between])

@@ -102,7 +102,12 @@ def test_team_priors_are_there_in_every_tick_and_are_not_uploaded(label):
 
 
 @pytest.mark.parametrize(
-    ("name", "remedy"), [("ekf-ci", r"\[anchor_reading=any,reading=any\] takes"), ("arl", "range$")]
+    ("name", "remedy"),
+    [
+        ("ekf-ci", r"; \[anchor_reading=any,reading=any\] takes"),
+        ("arl", r"; \[anchor_reading=any\] takes"),
+        ("mrsl-rssi", "has odometry, radio_range$"),  # no parameter of that name helps
+    ],
 )
 def test_a_filter_that_lacks_a_channel_says_how_it_takes_what_there_is(name, remedy):
     bare = SimpleNamespace(scenario="log/all", channels=lambda: {"odometry", "radio_range"})

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from oracles import dense_path, linear_team, path_residuals
+from oracles import dense_path, linear_team, measure_anchor_ranges, path_residuals
 
 import cooploc as cl
 from cooploc.analysis.claims.trial_table import collect
@@ -29,13 +29,15 @@ def test_where_all_is_linear_it_is_the_mean_and_covariance_of_the_whole_path_giv
             np.testing.assert_allclose(found.P[trial, k, i], dense[k + 1, i, :, k + 1, i], atol=1e-9)
 
 
-def test_elsewhere_no_path_beside_it_is_more_probable(rng):
+@pytest.mark.parametrize("anchors", ["rssi", "range"])
+def test_elsewhere_no_path_beside_it_is_more_probable(rng, anchors):
     """By the density written down again."""
 
     def cost(trial, x):
         return (path_residuals(stream, trial, x) ** 2).sum()
 
-    _, stream = cl.simulate("packet-drop/drop=0.5", trials=3, seed=4, robots=3, ticks=10, prior_sigma=0.3)
+    truth, stream = cl.simulate("packet-drop/drop=0.5", trials=3, seed=4, robots=3, ticks=10, prior_sigma=0.3)
+    stream = measure_anchor_ranges(truth, stream) if anchors == "range" else stream
     found = cl.smoother(stream)
     for trial in range(3):
         least = cost(trial, found[trial])
