@@ -4,6 +4,7 @@ import json
 from collections.abc import Mapping, Sequence
 from functools import partial
 from html import escape
+from itertools import groupby
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -114,6 +115,7 @@ def show_table(
     if as_json:
         print(json.dumps(records(table), indent=1))
     else:
+        table, parameters = without_common_parameters(table)
         shown = [_results(name, part, every_column) for name, part in _by_scenario(table)]
         for one in shown:
             best = lowest_that_qualifies(one.rows)
@@ -121,6 +123,8 @@ def show_table(
             console.print()
         bracketed = not every_column and table["rmse_low"].notna().any()
         console.print(CAPTION if bracketed else CAPTION.partition("; ")[2], style="dim")
+        for text in parameters:
+            console.print(text, style="dim")
         for text in (*_legend(shown), *[words("captions")["stopped"]] * ("look" in table)) if legend else ():
             console.print(text, style="dim")
         if every_column and (counted := events(rows)).rows:
@@ -132,14 +136,31 @@ def show_table(
 def results_html(found: pd.DataFrame, rows: pd.DataFrame, folder: Path) -> str:
     """Return the results of a run as notebooks show them: the tables and sentences that the command line prints."""
     table, lines = _arrange(found, rows, RunDir(folder).manifest, "rmse")
+    table, parameters = without_common_parameters(table)
     text, parts = "", _by_scenario(table)
     for one in (_results(name, part, every_column=False) for name, part in parts[:IN_ONE_PICTURE]):
         best = lowest_that_qualifies(one.rows)
         strong = next((i for i, row in enumerate(one.rows) if row is best), None)
         text += one.notebook(strong)
     more = [f"{count_of(len(parts) - IN_ONE_PICTURE, 'scenario')} more: cl.report"] * (len(parts) > IN_ONE_PICTURE)
-    below = (CAPTION, *more, *ranking.certificate_remarks(table), *outlier_warnings(table), *lines)
+    below = (CAPTION, *parameters, *more, *ranking.certificate_remarks(table), *outlier_warnings(table), *lines)
     return f"{text}<p>{'<br>'.join(map(escape, below))}</p>"
+
+
+def without_common_parameters(table: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
+    """Return a table whose names lack the parameters that several estimators share, and a line for each set of these.
+
+    A name that would stand for two estimators then stays as it is.
+    """
+    labels = list(dict.fromkeys(table["estimator"]))
+    names, sets = [label.partition("[")[0] for label in labels], dict[str, list[str]]()
+    for label, name in zip(labels, names, strict=True):
+        if name != label and names.count(name) == 1:
+            sets.setdefault(label.removeprefix(name), []).append(name)
+    sets = {parameters: some for parameters, some in sets.items() if len(some) > 1}
+    short = {name + parameters: name for parameters, some in sets.items() for name in some}
+    lines = [f"with {parameters}: {join_words(some)}" for parameters, some in sets.items()]
+    return table.assign(**{column: table[column].replace(short) for column in ("estimator", "baseline")}), lines
 
 
 def _bold(chosen: dict[str, Any] | None, row: dict[str, Any]) -> str:
@@ -447,9 +468,10 @@ def show_inspection(found: Any, files: Sequence[Path]) -> None:
             say(f"  and {len(table) - MOST} more\n" if len(table) > MOST else "")
     for text in inspected.unused:
         say(f"not used: {text}")
-    for f in inspected.findings:
-        say(f"found ({f.sure}): {f.kind}{' ' * bool(f.robot)}{f.robot}: {f.fact}")
-        say(f"  to change in log.toml: {f.change}")
+    for setting, together in groupby(inspected.findings, lambda f: f.change):
+        for f in together:
+            say(f"found ({f.sure}): {f.kind}{' ' * bool(f.robot)}{f.robot}: {f.fact}")
+        say(f"  to change in log.toml: {setting}")
     if not inspected.findings:
         say("nothing odd was found")
     kept = "" if log in files else "; the log.toml that is there was left as it is"

@@ -36,15 +36,17 @@ def choose_fit(log: TeamLog, parts: Sequence[fit.FitPart], how: fit.FitSettings)
     errors = errors[np.isfinite(errors).all(1)]
     if len(errors) < 2:
         return how._replace(robust=True), "fitted robustly (Huber's loss); too little can be left out to compare"
-    robust = is_no_worse(errors)
-    chosen = "robustly (Huber's loss)" if robust else "by least squares"
-    plain, huber = np.exp(np.log(errors).mean(0))
-    tie = " (no more than a standard error worse)" * bool(robust and huber > plain)
-    what = _left_out(errors, parts)
-    return how._replace(robust=robust), (
-        f"fitted {chosen}: {what}, are predicted with an error (CRPS) of {huber:.3g} by the robust fit{tie}, of "
-        f"{plain:.3g} by least squares"
-    )
+    robust, (plain, huber), left_out = is_no_worse(errors), np.exp(np.log(errors).mean(0)), _left_out(parts)
+    if not robust:
+        scores = f"CRPS {plain:.3g}, not {huber:.3g}"
+        why = f"by least squares, which predicts {left_out} better than Huber's loss ({scores})"
+    elif huber > plain:
+        scores = f"CRPS {huber:.3g} and {plain:.3g}, within a standard error"
+        why = f"robustly (Huber's loss), which predicts {left_out} as well as least squares ({scores})"
+    else:
+        scores = f"CRPS {huber:.3g}, not {plain:.3g}"
+        why = f"robustly (Huber's loss), which predicts {left_out} better than least squares ({scores})"
+    return how._replace(robust=robust), f"fitted {why}"
 
 
 def _folds(parts: Sequence[fit.FitPart]) -> list[tuple[list[fit.FitPart], fit.FitPart]]:
@@ -55,8 +57,8 @@ def _folds(parts: Sequence[fit.FitPart]) -> list[tuple[list[fit.FitPart], fit.Fi
     return [([*pieces[:i], *pieces[i + 1 :]], out) for i, out in enumerate(pieces)]
 
 
-def _left_out(scores: Array, parts: Sequence[fit.FitPart]) -> str:
-    return f"{len(scores)} {'pieces' if len(parts) == 1 else 'runs'}, left out in turn"
+def _left_out(parts: Sequence[fit.FitPart]) -> str:
+    return f"{'pieces' if len(parts) == 1 else 'runs'} that were left out"
 
 
 SPREADS: Mapping[Loss, float] = {  # log of the integral of exp(-rho)
@@ -83,15 +85,16 @@ def choose_loss(log: TeamLog, parts: Sequence[fit.FitPart], how: fit.FitSettings
             if len(d2):
                 scores.append([(lost(loss, d2, 1) / 2).mean() + spread for loss, spread in SPREADS.items()])
     if len(scores) < 2:
-        return "none", "readings count fully (loss=none), as too little can be left out to compare"
+        return "none", "every reading counts fully (loss=none), as too little can be left out to compare"
     gains = np.array(scores)[:, :1] - np.array(scores)[:, 1:]
     mean, error = gains.mean(0), gains.std(0, ddof=1) / np.sqrt(len(gains))
     best = int(np.argmax(mean))
-    other, better = list(SPREADS)[1 + best], bool(mean[best] > error[best])
-    chosen, count = (other, "far from what is expected count less") if better else ("none", "count fully")
+    left_out, by = _left_out(parts), f"{mean[best]:.2g} of log-likelihood a reading (standard error {error[best]:.2g})"
+    if mean[best] <= error[best]:
+        return "none", f"every reading counts fully (loss=none): no other loss predicts {left_out} clearly better"
+    chosen = list(SPREADS)[1 + best]
     return chosen, (
-        f"readings {count} (loss={chosen}): of {_left_out(gains, parts)}, loss={other} changes the log-likelihood of a "
-        f"reading by {mean[best]:+.3f} from that of Gaussian noise (one standard error: {error[best]:.3f})"
+        f"readings far from what is expected count less (loss={chosen}), as that predicts {left_out} better, by {by}"
     )
 
 

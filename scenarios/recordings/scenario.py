@@ -10,6 +10,7 @@ nowhere else.
 """
 
 from collections.abc import Sequence
+from contextlib import suppress
 from fnmatch import fnmatchcase
 from functools import cached_property
 from importlib import import_module
@@ -314,23 +315,44 @@ class TeamScenario(schema.Model):
         return list(self.judged_run.log.warnings)
 
     def explanations(self) -> list[str]:
-        """Return sentences, run by run: what was left out while reading, and the models with where they were fitted."""
-        if self.run == ALL:
-            each = (line for k in range(self.count()) for line in self.at([k]).explanations())
-            return list(dict.fromkeys([*self.folder.open_findings, *self.left_out.values(), *each]))
+        """Return sentences: what was left out while reading, run by run, and the models with where they were fitted."""
+        runs = [self.at([k]) for k in range(self.count())] if self.run == ALL else [self]
+        doubts = [line for one in runs for line in one._doubts()]
+        with suppress(BadInput):  # then it is among the doubts
+            doubts += runs[0]._fitted() if len(runs) == 1 else [self._fitted_runs(runs)]
+            if self._prior.position == "first truth":  # why a lone robot may err less than a team
+                told = f"filters are told the true start of each robot, as known to {self._prior.position_sd:g} m"
+                doubts.append(f"{told}: no odometry starts wrong")
+        left_out = self.left_out.values() if self.run == ALL else ()
+        return list(dict.fromkeys([*self.folder.open_findings, *left_out, *doubts]))
+
+    def _doubts(self) -> list[str]:
+        """Return what was left out of a run while reading, and why it ranks no estimators."""
         try:
-            log, models = self.judged_run.log, self.judged_run.models
             reasons = self.weaknesses(*self.simulate("log", [0], 0, self.world()))
         except BadInput as e:
             return [str(e)]
-        values = "; ".join(f"{name} {_text_of(value)}" for name, value in models.notes.items() if name != "fitted_on")
-        weak = [f"run {log.name!r} {NO_ORDER}: {'; '.join(reasons)}"] * bool(reasons)
-        fitted = f"models fitted on {models.notes['fitted_on']}: {values}"
-        said = [self.judged_run.choice, fitted]
-        if self._prior.position == "first truth":  # why a lone robot may err less than a team
-            sd = f"{self._prior.position_sd:g} m"
-            said.append(f"filters are told the true start of each robot, as known to {sd}: no odometry starts wrong")
-        return [*self.folder.open_findings, *log.warnings, *weak, *(f"run {log.name!r}: {text}" for text in said)]
+        weak = [f"run {self.judged_run.log.name!r} {NO_ORDER}: {'; '.join(reasons)}"] * bool(reasons)
+        return [*self.judged_run.log.warnings, *weak]
+
+    def _fitted(self) -> list[str]:
+        """Return how the models of a run were fitted, and their numbers but for those of single robots and pairs."""
+        notes = self.judged_run.models.notes
+        numbers = {name: value for name, value in notes.items() if isinstance(value, float)}
+        values = ", ".join(f"{name} {value:.3g}" for name, value in numbers.items() if not name.endswith("_lag1"))
+        run = f"run {self.judged_run.log.name!r}"
+        return [f"{run}: {self.judged_run.choice}", f"{run}: models fitted on {notes['fitted_on']}: {values}"]
+
+    def _fitted_runs(self, runs: Sequence["TeamScenario"]) -> str:
+        """Return how the models of several runs were fitted."""
+        on = {"first part": "its own first part, which is not judged", "other runs": "the other runs of its place"}
+        found = [one.judged_run for one in runs]
+        robust, far = sum(run.how.robust for run in found), sum(run.loss != "none" for run in found)
+        return (
+            f"{len(runs)} runs, the models of each fitted on {on.get(self.folder.description.fit.on, 'nothing')}: "
+            f"{robust} robustly (Huber's loss), {len(runs) - robust} by least squares; in {far} of them readings far "
+            "from what is expected count less"
+        )
 
     def link_residuals(self) -> list[LinkResiduals]:
         """Return the residuals of the run after its models, where these were fitted and where they are judged."""
@@ -400,14 +422,6 @@ class TeamScenario(schema.Model):
     def _overrides(self, names: Sequence[str]) -> dict[str, Any]:
         """Return the parameters that replace values of the description."""
         return {name: value for name in names if (value := getattr(self, name)) is not None}
-
-
-def _text_of(value: Any) -> str:
-    if isinstance(value, dict):
-        return ", ".join(f"{name} {_text_of(each)}" for name, each in value.items())
-    if isinstance(value, list):
-        return " and ".join(map(_text_of, value))
-    return f"{value:.4g}"
 
 
 # The prior: the position and heading of each robot at its start, and their source.

@@ -187,8 +187,8 @@ Rows = list[tuple[int, list[str]]]  # number of a line from 1, and its fields
 def split_fields(text: str, delimiter: str) -> tuple[list[str], int, Rows]:
     """Return the names of the columns, their line from 1, and the lines below it, those that are blank left out.
 
-    Names stand in the first line, or in the last comment above it, or are "1", "2" ... where that line has numbers
-    already. An empty field at the end of a line, for which there is no name, does not count.
+    Names stand in the first line, or in the last comment above it, or are "1", "2" ... where that line has mostly
+    numbers already, as those below. An empty field at the end of a line, for which there is no name, does not count.
     """
     rows = list(fields_of(text, delimiter))
     above = next((k for k, (_, fields) in enumerate(rows) if not fields[0].startswith(COMMENTS)), len(rows))
@@ -201,12 +201,12 @@ def split_fields(text: str, delimiter: str) -> tuple[list[str], int, Rows]:
         return named, comments[-1][0] if comments else 1, []
     line, head = rows[0]
     has_number = [np.isfinite(parse_field(field)) for field in head]
-    below = [fields for _, fields in rows[1:4]]
-    if any(np.isfinite(parse_field(b)) > a for fields in below for a, b in zip(has_number, fields, strict=False)):
+    below = [[np.isfinite(parse_field(field)) for field in fields] for _, fields in rows[1:4]]
+    if any(b > a for one in below for a, b in zip(has_number, one, strict=False)):
         rows = rows[1:]  # it has a word where there are numbers below
     elif len(named) == len(head) > 1:
         line, head = comments[-1][0], named
-    elif all(has_number) and len(rows) > 1:
+    elif below and sum(has_number) > len(head) / 2 and has_number in below:
         head = [str(k + 1) for k in range(len(head))]
     else:
         rows = rows[1:]

@@ -15,6 +15,7 @@ from cooploc.estimators.interface import Array
 from cooploc.scenarios.recordings.inspect import naming
 from cooploc.scenarios.recordings.text_files import COMMENTS, LEAST_LEFT, parse_field, read_text, split_fields
 
+SEVERAL_KINDS = "lines of several kinds"  # begin with what they are, and have other numbers of fields
 DELIMITERS = (";", ",", "\t", "|", " ")
 
 
@@ -64,6 +65,13 @@ def read_csv(path: Path, name: str) -> CsvTable:
     head, line, rows = split_fields(text, delimiter)
     if twice := next((name for name in head if head.count(name) > 1), None):
         raise BadInput(f"{path}, line {line}: two columns are named {short_repr(twice)}; rename one")
+    sizes: dict[str, list[int]] = {}
+    for _, row in rows[:1000]:
+        sizes.setdefault(row[0], []).append(len(row))
+    of_words = all(word and np.isinf(parse_field(word)) for word in sizes)
+    if of_words and 1 < len(sizes) <= 20 and len({*map(statistics.mode, sizes.values())}) > 1:
+        kinds = ", ".join(map(short_repr, sizes))
+        raise BadInput(f"{path}: {SEVERAL_KINDS} ({kinds}); write a file of each kind, with a line of names above")
     whole = [row for _, row in rows if len(row) == len(head)]
     if not rows:
         raise BadInput(f"{path}: it has no line of data with {len(head)} fields as in line {line}; get the file again")

@@ -14,7 +14,15 @@ import numpy as np
 from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.recordings.inspect import naming
 from cooploc.scenarios.recordings.inspect.checks import Finding
-from cooploc.scenarios.recordings.inspect.columns import PART, CsvTable, Guess, infer_columns, infer_unit, read_csv
+from cooploc.scenarios.recordings.inspect.columns import (
+    PART,
+    SEVERAL_KINDS,
+    CsvTable,
+    Guess,
+    infer_columns,
+    infer_unit,
+    read_csv,
+)
 from cooploc.scenarios.recordings.inspect.draft_toml import Draft, DraftTable, Entry
 from cooploc.scenarios.recordings.schema import COLUMNS, UNITS
 from cooploc.scenarios.recordings.text_files import is_text
@@ -35,7 +43,9 @@ def _read_files(paths: Iterable[Path], folder: Path, data: Path) -> tuple[list[C
         try:
             files.append(read_csv(path, name))
         except BadInput as e:
-            unread.append(str(e) if ".csv" in path.name.lower() else f"{name}: a text, and no table")
+            unread.append(
+                str(e) if ".csv" in path.name.lower() or SEVERAL_KINDS in str(e) else f"{name}: a text, and no table"
+            )
     return files, unread
 
 

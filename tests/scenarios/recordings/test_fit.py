@@ -132,7 +132,7 @@ def test_outliers_make_the_fit_and_the_loss_robust_and_the_sentence_has_the_scor
     with_late_signals(tmp_path / "one" / "uwb.csv")
     judged = resolve("log/judged", tmp_path).model.judged_run
     assert judged.how.robust
-    assert "3 runs, left out in turn" in judged.choice
+    assert "(Huber's loss), which predicts runs that were left out better than least squares" in judged.choice
     plain = resolve("log/judged", tmp_path, robust=False).model.judged_run
     assert judged.models.sensors["radio_range"].sigma < plain.models.sensors["radio_range"].sigma / 3
     for name in ("two", "three"):

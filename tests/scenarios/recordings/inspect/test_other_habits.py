@@ -266,7 +266,7 @@ def test_speeds_and_turn_rates_in_two_files_are_named(team):
 
 
 def test_texts_without_a_table_are_named(tmp_path):
-    (tmp_path / "tag1.log").write_text("0.1,DIST,4,AN0,0.0,0.0\n0.2,DIST,4,AN0,0.0,0.0\n")
+    (tmp_path / "tag1.log").write_text("DIST,4,AN0 of tag\nDIST,4,AN0 of tag, late\n")
     with pytest.raises(BadInput, match=r"tag1\.log: a text, and no table; save it as CSV"):
         cl.inspect(tmp_path)
 
@@ -370,4 +370,23 @@ def test_an_arena_is_drafted_where_robots_leave_that_of_the_anchors(team):
 def test_files_of_mrclam_without_barcodes_say_what_is_missing(tmp_path):
     (tmp_path / "Robot1_Odometry.dat").write_text("1.0 0.1 0.0\n")
     with pytest.raises(cl.BadInput, match=r"holds Barcodes\.dat of a data set of MRCLAM: add it"):
+        cl.inspect(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("lines", "words"),
+    [
+        (
+            ["red 1.0 0.1 0.2", "red 1.1 0.1 0.2"],
+            "numbers where the names of the columns should be; add a line of names",
+        ),
+        (
+            ["range2 1.0 2.9 105", "odom2 1.0 0.1", "odom2 2.0 0.1", "range2 2.0 2.9 105"],
+            "'range2', 'odom2'.*file of each",
+        ),
+    ],
+)
+def test_texts_without_names_of_columns_say_what_to_add(tmp_path, lines, words):
+    (tmp_path / "log.txt").write_text("\n".join(lines) + "\n")
+    with pytest.raises(cl.BadInput, match=words):
         cl.inspect(tmp_path)
