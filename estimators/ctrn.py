@@ -305,7 +305,7 @@ class Ctrn:
     """Particle filter on own readings, covariance intersection with received beliefs.
 
     Args:
-        reading: what is measured of a packet: "rssi" [dBm] or "range" [m].
+        reading: what is measured of a packet: "rssi" [dBm] or "range" [m], which without a radio is that of a sighting.
         fusion: "moments", the particles follow their Gaussian fused with the sender's; "message", their weights change
             by the reading; or "received", a Gaussian of each sender's packets is kept beside them and never sent on.
         weights: "cvxpy" solves a cone program for the weights, "exact" searches them by their slope.
@@ -336,13 +336,14 @@ class Ctrn:
 
     @property
     def uses(self) -> tuple[str, ...]:
-        return (*shared.own_channels(self), f"radio_{self.reading}")
+        return (*shared.own_channels(self), shared.radio_channel(self))
 
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
         senders, r = world.robots if self.fusion == "received" else 0, len(prior.x)
         nothing = Belief(np.full((r, senders, 2), np.nan), np.full((r, senders, 2, 2), np.nan))
         group = rows.trial * world.robots + rows.robot
-        return State(shared.init(self, prior, world, rows), group, nothing, prior, np.zeros(r), np.zeros(r))
+        own = shared.init(self, prior, shared.take_sightings_for_ranges(world), rows)
+        return State(own, group, nothing, prior, np.zeros(r), np.zeros(r))
 
     def predict(self, s: State, z: Senses) -> State:
         """Move the particles; of senders' packets x' = x + (f(m, u) - m), P' = P + Q, m (r, d) the last estimate."""
@@ -361,7 +362,7 @@ class Ctrn:
         return silence_singular(pack(shared.belief_to_send(s.own)))
 
     def fuse(self, s: State, z: Senses, mail: Mail) -> State:
-        s = FUSE[self.fusion](self, s, z, mail)
+        s = FUSE[self.fusion](self, s, z, shared.range_of_sightings(z, mail))
         own = shared.resample_and_estimate(self, s.own)
         belief = combine(own.belief, s.received) if self.fusion == "received" else own.belief
         return s._replace(own=own, belief=belief)

@@ -22,7 +22,7 @@ class Mrsl:
     """Particle filter on own readings, Bayes product with received beliefs.
 
     Args:
-        reading: what is measured of a packet: "rssi" [dBm] or "range" [m].
+        reading: what is measured of a packet: "rssi" [dBm] or "range" [m], which without a radio is that of a sighting.
         neighbours: "integrate" over the sender's position, or "exact", the paper's literal form: the sender is taken to
             be at the mean that it sent.
         neighbour_samples: "one", the newest reading of each teammate, or "M", the product of eq. (5) over its last M
@@ -55,7 +55,7 @@ class Mrsl:
 
     @property
     def uses(self) -> tuple[str, ...]:
-        return (*shared.own_channels(self), f"radio_{self.reading}")
+        return (*shared.own_channels(self), shared.radio_channel(self))
 
     @property
     def keeps_packets(self) -> bool:
@@ -63,7 +63,7 @@ class Mrsl:
         return self.neighbour_samples == "M" and self.M > 1
 
     def init(self, prior: Belief, world: World, rows: Rows) -> shared.FilterState:
-        s = shared.init(self, prior, world, rows)
+        s = shared.init(self, prior, shared.take_sightings_for_ranges(world), rows)
         return s._replace(past=shared.no_past_packets(len(prior.x), world.robots, self.M)) if self.keeps_packets else s
 
     def predict(self, s: shared.FilterState, z: Senses) -> shared.FilterState:
@@ -79,6 +79,7 @@ class Mrsl:
 
         With neighbour_samples="M", P(r_j | x_i, x_j) is a product over the last M packets of sender j.
         """
+        mail = shared.range_of_sightings(z, mail)
         sensor, readings = s.world.sensors[f"radio_{self.reading}"], getattr(mail, self.reading)
         heard = ReceivedPackets(sensor, mail.packets, readings, self.neighbours == "integrate")
         if not self.keeps_packets:

@@ -8,6 +8,7 @@ Source: J. Liu, M. West, "Combined parameter and state estimation in simulation-
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partialmethod
 from typing import Any, Literal, NamedTuple, TypeVar, cast
 
@@ -20,6 +21,7 @@ from cooploc.estimators.interface import Array, Belief, Keys, Mail, Mask, Motion
 from cooploc.estimators.models import Displacement, circular_mean, gradient_doa, wrap, wrap_heading
 from cooploc.estimators.particle_kernels import BANDWIDTH, advance_rows, conclude_rows, systematic
 from cooploc.estimators.particle_likelihood import Fixed, ReceivedPackets, planes, teammates
+from cooploc.estimators.robust import loss_of
 
 
 def sample_prior(prior: Belief, key: Keys, n: int) -> Array:
@@ -270,6 +272,27 @@ def own_channels(p: Any) -> tuple[str, ...]:
 def team_channels(p: Any) -> tuple[str, ...]:
     """Return the channels in any world where teammates meet, in order of preference."""
     return (*own_channels(p), f"sighting|radio_{p.reading}")
+
+
+# What reads ranges by radio takes the distances of a camera's sightings where there is no radio.
+
+
+def radio_channel(p: Any) -> str:
+    """Return the channel that `reading` names."""
+    return "radio_range|sighting" if p.reading == "range" else f"radio_{p.reading}"
+
+
+def take_sightings_for_ranges(world: World) -> World:
+    """Return a world that has a radio's ranges in place of sightings, if it has these."""
+    camera, others = world.sensors.get("sighting"), {c: s for c, s in world.sensors.items() if c != "sighting"}
+    if camera is None:
+        return world
+    return replace(world, sensors=others | {"radio_range": models.Range(float(camera.R[0, 0]) ** 0.5, loss_of(camera))})
+
+
+def range_of_sightings(z: Senses, mail: Mail) -> Mail:
+    """Return mail with the distance of each sighting of a sender as its range, if there are sightings."""
+    return mail._replace(range=np.where(mail.heard, z.sighting[..., 0], np.nan)) if z.sighting.shape[-2] else mail
 
 
 def power(p: Any) -> float:

@@ -11,7 +11,7 @@ from scipy.stats import norm
 
 from cooploc.estimators import make
 from cooploc.estimators.interface import Belief, Senses, World
-from cooploc.estimators.models import Displacement, LogDistance, Unicycle
+from cooploc.estimators.models import Displacement, LogDistance, Range, Unicycle
 from cooploc.scenarios import simulate
 from cooploc.scenarios.runner.run import run
 from cooploc.scenarios.runner.trace import trace
@@ -213,6 +213,22 @@ def test_a_robot_that_hears_no_other_is_arl_to_the_bit(team, configured):
     traces = run({"arl": make("arl", anchor_reading=alone), "team": make(configured)}, stream).traces
     np.testing.assert_array_equal(traces["team"].x, traces["arl"].x)
     np.testing.assert_array_equal(traces["team"].P, traces["arl"].P)
+
+
+@pytest.mark.parametrize("configured", ["mrsl-distance", "ctrn[weights=exact]", "ctrn[fusion=message]"])
+def test_the_distance_of_a_sighting_is_a_range_to_the_bit(configured):
+    _, seen = simulate("camera/n=5[landmarks=1]", trials=2, ticks=80, seed=3)
+    sensors = {name: one for name, one in seen.world.sensors.items() if name != "sighting"}
+    sensors["radio_range"] = Range(seen.world.sensors["sighting"].sigma_range)
+    distances = np.where(seen.air.link, seen.senses.sighting[..., 0], np.nan)
+    senses = seen.senses._replace(sighting=np.empty((*seen.senses.odometry.shape[:3], 0, 2)))
+    ranged = replace(
+        seen, world=replace(seen.world, sensors=sensors), senses=senses, air=seen.air._replace(range=distances)
+    )
+    one, other = (trace("it", make(configured), stream) for stream in (seen, ranged))
+    np.testing.assert_array_equal(one.x, other.x)
+    np.testing.assert_array_equal(one.P, other.P)
+    assert not np.array_equal(one.x, trace("alone", make("arl"), seen).x)
 
 
 def wheels_and_compass(ticks=25):
