@@ -1,7 +1,6 @@
 """Values of reports/text/real-robots.md.j2 from recordings: what sensors were off by, and what cooperation bought.
 
-The folder of the recordings holds uwb-tiers, wifi-rssi and mrclam6; the runs are those of the studies `uwb`, `mrclam`
-and `wifi-priors`.
+The recordings are uwb-tiers, wifi-rssi and mrclam6; the runs those of the studies `uwb`, `mrclam` and `wifi-priors`.
 """
 
 import re
@@ -25,20 +24,19 @@ from cooploc.scenarios.studies.study import load
 
 LABELS = ("log/all", "log/all[bias=none]", "log/all[position_sd=0.002,heading_sd=0.005]")
 BAGS = {"two-robots": "two turtlebots, one radio pair, 45 s", "four-robots": "four turtlebots, six radio pairs, 17 s"}
-SHOWN = ("dead-reckoning", "constant", "rssi-pf", "ekf-local", "ekf-ci", "ekf-split-ci", "ekf-luft", "ekf-joint")
+SHOWN = ("dead-reckoning", "constant", "arl", "mrsl-distance", "ctrn", "ekf-local", "ekf-ci", "ekf-joint")
+PAIRS = ("mrsl-distance", "arl"), ("ctrn", "arl"), ("ekf-ci", "ekf-local"), ("mrsl-distance", "ekf-ci")
 
 
 def ranges(label: str, data: Path) -> pd.DataFrame:
     """Return range minus distance of every pair, over the whole recording."""
-    model = resolve(label, data).model.at([0])
-    judged = model.judged_run
+    judged = resolve(label, data).model.at([0]).judged_run
     log, robots = judged.log, judged.log.robots
     found = residuals([fit_part(log, *span(log), Gaps(0.5, 0.5))], "range", robots, judged.how)
     error = found.z[:, 0] - found.distance
     rows = []
     for link in np.unique(found.link):
-        one = error[found.link == link]
-        low, middle, high = np.quantile(one, [0.05, 0.5, 0.95])
+        low, middle, high = np.quantile(one := error[found.link == link], [0.05, 0.5, 0.95])
         pair = " - ".join(robots[i] for i in divmod(int(link), len(robots)))
         rows.append({"pair": pair, "readings": len(one), "bias (median) [m]": f"{middle:.2f}",
                      "spread [m]": f"{one.std():.2f}", "5 % to 95 % [m]": f"{low:.2f} to {high:.2f}"})  # fmt: skip
@@ -100,17 +98,20 @@ def bags(data: Path, out: Path) -> dict[str, Any]:
 
 
 def recordings(runs: Path) -> str:
-    """Return a row for each public recording that was run: the errors [m]; without runs, the rows as they are."""
+    """Return the errors [m] of each public recording that was run, and who errs less; without runs, what is there."""
     if not runs.exists():
         page = Path(__file__).with_name("real-robots.md").read_text("utf-8")
-        return re.findall(r"^\| recording .*?(?=\n\n)", page, re.DOTALL | re.MULTILINE)[0]
-    rows = []
+        return re.findall(r"^\| recording .*?(?=\n\nMRCLAM)", page, re.DOTALL | re.MULTILINE)[0]
+    rows, team = [], []
     for folder in sorted(runs.iterdir()):
         table = cl.load_run(folder).table
-        error = dict(zip(table["estimator"].str.partition("[")[0], table["rmse"].map(metres), strict=True))
+        rmse = dict(zip(table["estimator"].str.partition("[")[0], table["rmse"], strict=True))
+        rmse["arl"] = rmse.get("rssi-pf", rmse["arl"])  # that of each reading as it is, where a study has another too
+        team += [rmse] * ("mrsl-distance" in rmse)
         row = {"recording": folder.name, "robots": int(table["robots"].iloc[0]), "runs": int(table["trials"].iloc[0])}
-        rows.append(row | {name: error.get(name, "") for name in SHOWN})
-    return pipe(pd.DataFrame(rows))
+        rows.append(row | {name: metres(rmse.get(name, np.nan)) for name in SHOWN})
+    less = [f"`{a}` errs less than `{b}` in {sum(rmse[a] < rmse[b] for rmse in team)}" for a, b in PAIRS]
+    return f"{pipe(pd.DataFrame(rows))}\n\nOf the {len(team)} recordings of several robots {', '.join(less)}."
 
 
 def by_scenario(run: Path, consistency: str) -> str:

@@ -159,10 +159,13 @@ def _lack(file: CsvTable) -> str:
     """Return why a file makes no table; "" where it makes one."""
     if _parts(file) or not {g.quantity for g in file.guesses} & {"time", "sec"}:
         return "" if _parts(file) else "no column of it holds stamps (time)"
-    unknown = "; ".join(f"{g.column}: {g.reason}" for g in file.guesses if not g.quantity and g.reason != PART)
-    return (
-        f"its columns make no table, of stamps with motion, positions or readings{f' ({unknown})' if unknown else ''}"
-    )
+    reasons: dict[str, list[str]] = {}
+    for g in file.guesses:
+        if not g.quantity and g.reason != PART:
+            reasons.setdefault(g.reason, []).append(g.column)
+    shown = {why: [*some[:3], *[f"{len(some) - 3} others"] * (len(some) > 3)] for why, some in reasons.items()}
+    unknown = "; ".join(f"{', '.join(some)}: {why}" for why, some in shown.items())
+    return f"its columns make no table, of stamps with motion, positions or readings{f' ({unknown})' * bool(unknown)}"
 
 
 def _first_columns(
@@ -300,7 +303,8 @@ def _draft_run(folder: Path, data: Path) -> tuple[Draft, tuple[str, ...]]:
             ]
             if needed == "odometry" and all(halves):
                 unread = f"{folder}: speeds are in {halves[0]}, turn rates in {halves[1]}; write both into one file"
-            odd = [name for name in lacking if naming.side_of(Path(name).stem) in ("", needed)]
+            sides = (needed,) if len(files) > 1 else (needed, "")  # of files whose names say nothing none is to blame
+            odd = [name for name in lacking if naming.side_of(Path(name).stem) in sides]
             if odd and not unread:
                 unread = f"{folder / odd[0]}: {lacking[odd[0]]}, and so no {needed}; name its columns in log.toml"
             if unread or needed == "odometry":

@@ -251,7 +251,7 @@ def test_relative_positions_say_what_to_write(team):
     seen = pd.DataFrame({"time": [1.7e9, 1.7e9 + 1], "observer": "red", "target": "blue", "rel_x": 1.0, "rel_y": 2.0})
     seen.to_csv(folder / "detections.csv", index=False)
     unused = " ".join(cl.inspect(folder).inspected.unused)
-    assert "rel_x: a relative position: write range and bearing, hypot(x, y) and atan2(y, x)" in unused
+    assert "rel_x, rel_y: a relative position: write range and bearing, hypot(x, y) and atan2(y, x)" in unused
 
 
 def test_speeds_and_turn_rates_in_two_files_are_named(team):
