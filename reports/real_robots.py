@@ -74,8 +74,7 @@ def bags(data: Path, out: Path) -> dict[str, Any]:
     sections, pairs, less, dead, joint = [], [], [], list[str](), list[str]()
     with tempfile.TemporaryDirectory() as place:
         for name, about in BAGS.items():
-            copy = Path(place) / name
-            shutil.copytree(data / "uwb-tiers" / name, copy, copy_function=shutil.copy)
+            copy = shutil.copytree(data / "uwb-tiers" / name, Path(place) / name, copy_function=shutil.copy)
             found = cl.inspect(copy)
             found.write()
             shutil.copy(copy / "inspect.png", out / f"{name}.png")
@@ -86,7 +85,8 @@ def bags(data: Path, out: Path) -> dict[str, Any]:
             known = error[table["estimator"] == "dead-reckoning"].set_axis(table["scenario"].unique())
             dead += list(known.map(metres))
             joint += list(error[table["estimator"].str.startswith("ekf-joint")].map(metres))  # in the order of LABELS
-            less += [*table["estimator"][(table["scenario"] != LABELS[2]) & (error < table["scenario"].map(known))]]
+            own = (table["scenario"] == LABELS[2]) | table["estimator"].str.startswith("arl")  # uses no ranges
+            less += [*table["estimator"][~own & (error < table["scenario"].map(known))]]
             texts = [f"{rmse:.3f} ({anees:.2g})" for rmse, anees in zip(table["rmse"], table["anees"], strict=True)]
             facts = [f"- {str(one.fact).replace(f'{place}/', '')} ({one.sure})" for one in found.findings.itertuples()]
             tables = {"ranges": pipe(pairs[-1]), "errors": pipe_by_scenario(table, texts), "findings": "\n".join(facts)}
