@@ -32,11 +32,11 @@ from cooploc.analysis.metrics.statistics import LEAST_TRIALS
 from cooploc.analysis.plot import results, style
 from cooploc.analysis.report import result_tables, run_numbers, sentences
 from cooploc.analysis.report.claim_tables import claims_shown
+from cooploc.analysis.report.labels import Labels
 from cooploc.analysis.report.run_numbers import (
     DOTS,
     FLOORED,
     HOLLOW,
-    Labels,
     Numbers,
     RunFigure,
     draw_experiment,

@@ -15,7 +15,8 @@ from cooploc.analysis.metrics.compare import sweep
 from cooploc.analysis.metrics.crlb import floors
 from cooploc.analysis.plot import style
 from cooploc.analysis.report import result_tables, run_numbers, sentences
-from cooploc.analysis.report.run_numbers import OTHERS, Labels, Numbers, RunFigure, draw_experiment
+from cooploc.analysis.report.labels import Labels
+from cooploc.analysis.report.run_numbers import OTHERS, Numbers, RunFigure, draw_experiment
 from cooploc.analysis.report.tables import Row, Table, escape_latex, fill_template, read_toml, words
 from cooploc.estimators import BUILTIN
 from cooploc.estimators.errors import BadInput, nearest

@@ -1,7 +1,6 @@
 """Numbers, labels and figures of a run, from which its page and its paper are made."""
 
-import string
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -15,55 +14,10 @@ from cooploc.analysis.metrics.compare import compare, sweep
 from cooploc.analysis.metrics.sequential import ANYTIME, add_decisions
 from cooploc.analysis.metrics.statistics import FIXED
 from cooploc.analysis.plot import results, style
-from cooploc.estimators.registry import shorten_labels
+from cooploc.analysis.report.labels import Labels, short_labels, variants_of
 
 SWEEP = 3  # values from which a sweep becomes a line
-LONGEST = 24  # characters of a label that is written in full
 FLOORED = 20  # robots: the floor of larger teams takes seconds for each scenario
-
-
-class Labels(NamedTuple):
-    """Names of estimators in figures and tables."""
-
-    short: dict[str, str]  # by the estimator's full label
-    settings: dict[str, str]  # letter -> parameters that it stands for
-
-    def shorten(self, label: str) -> str:
-        """Return the short label, or the label itself."""
-        return self.short.get(label, shorten_labels(label))
-
-    def legend(self, labels: Iterable[str]) -> list[str]:
-        """Return the letters in these estimators' labels, each with the parameters that it stands for."""
-        named = [(label, self.shorten(label)) for label in labels]
-        used = {short.rpartition(" [")[2].removesuffix("]") for label, short in named if short != label}
-        return [f"[{letter}] {settings}" for letter, settings in self.settings.items() if letter in used]
-
-
-def short_labels(labels: Iterable[str], variants: Mapping[str, str] | None = None) -> Labels:
-    """Return a short label for each long one: "ekf-local[anchor_reading=rssi]" becomes "ekf-local [a]".
-
-    Equal settings have equal letters. `variants` has names that the study gives to parameters: "ekf-local [raw]".
-    """
-
-    def sort_parameters(parameters: str) -> tuple[str, ...]:
-        return tuple(sorted(part.strip() for part in parameters.split(",")))
-
-    names = {sort_parameters(parameters): name for name, parameters in (variants or {}).items()}
-    letters: dict[str, str] = {}
-    short: dict[str, str] = {}
-    for label in dict.fromkeys(labels):
-        shown = shorten_labels(label)
-        method, _, settings = shown.removesuffix("]").partition("[")
-        method = method.rpartition("/")[2]  # of an estimator in a file, without its folder
-        if len(method) > LONGEST:
-            method, settings = method[: LONGEST - 1] + "…", ",".join(filter(None, (method, settings)))
-        if not settings or len(shown) <= LONGEST:
-            short[label] = method if not settings else shown
-            continue
-        again, place = divmod(len(letters), 26)
-        letter = names.get(sort_parameters(settings)) or string.ascii_lowercase[place] + (str(again) if again else "")
-        short[label] = f"{method} [{letters.setdefault(settings.replace(',', ', '), letter)}]"
-    return Labels(short, {letter: settings for settings, letter in letters.items()})
 
 
 class Numbers(NamedTuple):
@@ -81,9 +35,7 @@ def numbers_of(kept: StoredRun) -> Numbers:
     table = compare(kept.rows, kept.baselines, full=True)
     table = table if kept.comparisons is None else add_decisions(table, kept.comparisons)
     estimators = [str(name) for name in kept.rows["estimator"].unique()]
-    study = kept.manifest["study"]
-    variants = {key: text for one in (*study.get("also", ()), study) for key, text in one.get("variants", {}).items()}
-    names = short_labels(estimators, variants)
+    names = short_labels(estimators, variants_of(kept.manifest["study"]))
     return Numbers(kept, table, collect(kept.rows, ANYTIME if kept.looks else FIXED), style.pens(estimators), names)
 
 

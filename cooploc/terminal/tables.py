@@ -1,7 +1,9 @@
 """What the commands print: lists, results, the contents of a run, verdicts, plans, tuning, checks."""
 
 import json
+import sys
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from html import escape
 from itertools import groupby
@@ -25,6 +27,7 @@ from cooploc.analysis.metrics.errors import drop_failed
 from cooploc.analysis.metrics.ranking import short_certificate
 from cooploc.analysis.metrics.sequential import PILOT, minutes
 from cooploc.analysis.report import claim_tables, result_tables
+from cooploc.analysis.report.labels import Labels, short_labels, variants_of
 from cooploc.analysis.report.result_tables import (
     STUDY,
     decision,
@@ -64,7 +67,7 @@ def show_results(
     """Print the results of a run by rising `sort`, then failures, where the files are, and what to do next."""
     manifest, console = RunDir(folder).manifest, make_console(stderr=as_json)
     ordered, lines = _arrange(found, rows, manifest, sort)
-    show_table(found if as_json else ordered, rows, as_json, every_column, legend)
+    show_table(found if as_json else ordered, rows, as_json, every_column, legend, manifest["study"])
     for text in lines:
         console.print(text)
     picture = f"{folder / 'rmse.png'}" if (folder / "rmse.png").exists() else f"cooploc report {folder}"
@@ -108,24 +111,27 @@ def _by_scenario(table: pd.DataFrame) -> list[tuple[str, pd.DataFrame]]:
 
 
 def show_table(
-    table: pd.DataFrame, rows: pd.DataFrame, as_json: bool, every_column: bool = False, legend: bool = False
+    table: pd.DataFrame,
+    rows: pd.DataFrame,
+    as_json: bool,
+    every_column: bool = False,
+    legend: bool = False,
+    study: Mapping[str, Any] | None = None,
 ) -> None:
     """Print the table of `compare`, or JSON alone on stdout, and what a reader must know of it."""
-    console = make_console(stderr=as_json, every=every_column)
+    console, names = make_console(stderr=as_json, every=every_column), _names(table, study or {})
     if as_json:
         print(json.dumps(records(table), indent=1))
     else:
-        table, parameters = without_common_parameters(table)
-        shown = [_results(name, part, every_column) for name, part in _by_scenario(table)]
+        shown = [_results(name, part, names, every_column) for name, part in _by_scenario(table)]
         for one in shown:
             best = lowest_that_qualifies(one.rows)
             console.print(one.terminal(partial(_bold, best)))
             console.print()
         bracketed = not every_column and table["rmse_low"].notna().any()
         console.print(CAPTION if bracketed else CAPTION.partition("; ")[2], style="dim")
-        for text in parameters:
-            console.print(text, style="dim")
-        for text in (*_legend(shown), *[words("captions")["stopped"]] * ("look" in table)) if legend else ():
+        more = (*_legend(shown), *[words("captions")["stopped"]] * ("look" in table)) if legend else ()
+        for text in (*names.legend(table["estimator"].unique()), *more):
             console.print(text, style="dim")
         if every_column and (counted := events(rows)).rows:
             console.print(counted.terminal())
@@ -135,32 +141,28 @@ def show_table(
 
 def results_html(found: pd.DataFrame, rows: pd.DataFrame, folder: Path) -> str:
     """Return the results of a run as notebooks show them: the tables and sentences that the command line prints."""
-    table, lines = _arrange(found, rows, RunDir(folder).manifest, "rmse")
-    table, parameters = without_common_parameters(table)
-    text, parts = "", _by_scenario(table)
-    for one in (_results(name, part, every_column=False) for name, part in parts[:IN_ONE_PICTURE]):
+    manifest = RunDir(folder).manifest
+    table, lines = _arrange(found, rows, manifest, "rmse")
+    text, parts, names = "", _by_scenario(table), _names(table, manifest["study"])
+    for one in (_results(name, part, names, every_column=False) for name, part in parts[:IN_ONE_PICTURE]):
         best = lowest_that_qualifies(one.rows)
         strong = next((i for i, row in enumerate(one.rows) if row is best), None)
         text += one.notebook(strong)
     more = [f"{count_of(len(parts) - IN_ONE_PICTURE, 'scenario')} more: cl.report"] * (len(parts) > IN_ONE_PICTURE)
-    below = (CAPTION, *parameters, *more, *ranking.certificate_remarks(table), *outlier_warnings(table), *lines)
+    below = (
+        CAPTION,
+        *names.legend(table["estimator"].unique()),
+        *more,
+        *ranking.certificate_remarks(table),
+        *outlier_warnings(table),
+        *lines,
+    )
     return f"{text}<p>{'<br>'.join(map(escape, below))}</p>"
 
 
-def without_common_parameters(table: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
-    """Return a table whose names lack the parameters that several estimators share, and a line for each set of these.
-
-    A name that would stand for two estimators then stays as it is.
-    """
-    labels = list(dict.fromkeys(table["estimator"]))
-    names, sets = [label.partition("[")[0] for label in labels], dict[str, list[str]]()
-    for label, name in zip(labels, names, strict=True):
-        if name != label and names.count(name) == 1:
-            sets.setdefault(label.removeprefix(name), []).append(name)
-    sets = {parameters: some for parameters, some in sets.items() if len(some) > 1}
-    short = {name + parameters: name for parameters, some in sets.items() for name in some}
-    lines = [f"with {parameters}: {join_words(some)}" for parameters, some in sets.items()]
-    return table.assign(**{column: table[column].replace(short) for column in ("estimator", "baseline")}), lines
+def _names(table: pd.DataFrame, study: Mapping[str, Any]) -> Labels:
+    """Return the estimators' names, with those that a study gives to parameters: "ekf-ci [any]"."""
+    return short_labels(table["estimator"], variants_of(study), longest=sys.maxsize)
 
 
 def _bold(chosen: dict[str, Any] | None, row: dict[str, Any]) -> str:
@@ -174,12 +176,13 @@ def records(table: pd.DataFrame) -> list[dict[str, Any]]:
     return values.where(known, None).to_dict("records")  # type: ignore[return-value]
 
 
-def _results(scenario: str, part: pd.DataFrame, every_column: bool = True) -> Table:
+def _results(scenario: str, part: pd.DataFrame, names: Labels, every_column: bool) -> Table:
     """Return the table of one scenario."""
     first, rows = part.iloc[0], part.to_dict("records")
     size = f"{count_of(first['robots'], 'robot')}, {count_of(part['trials'].max(), 'trial')}"
     choose = result_columns if every_column else essential_columns
-    columns = [column for column in choose(part["baseline"], "look" in part) if not column.report_only]
+    chosen = choose(part["baseline"].map(names.shorten), "look" in part)
+    columns = [replace(c, form=names.shorten) if c.keys == ("estimator",) else c for c in chosen if not c.report_only]
     columns = [c for c in columns if not c.rare or (part[c.keys[0]].fillna(0) != 0).any()]
     return Table("results", f"{scenario}: {size}, stream {first['stream'][:12]}", tuple(columns), rows)
 

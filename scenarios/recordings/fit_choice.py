@@ -40,7 +40,7 @@ def choose_fit(log: TeamLog, parts: Sequence[fit.FitPart], how: fit.FitSettings)
     if not robust:
         scores = f"CRPS {plain:.3g}, not {huber:.3g}"
         why = f"by least squares, which predicts {left_out} better than Huber's loss ({scores})"
-    elif huber > plain:
+    elif round(huber / plain, 3) >= 1:
         scores = f"CRPS {huber:.3g} and {plain:.3g}, within a standard error"
         why = f"robustly (Huber's loss), which predicts {left_out} as well as least squares ({scores})"
     else:

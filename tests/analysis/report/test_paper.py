@@ -12,7 +12,8 @@ from made_runs import EVIL, kept_from, rows_of
 
 from cooploc.analysis.execution.run_directory import select
 from cooploc.analysis.report import paper
-from cooploc.analysis.report.run_numbers import LONGEST, numbers_of, short_labels
+from cooploc.analysis.report.labels import LONGEST, short_labels
+from cooploc.analysis.report.run_numbers import numbers_of
 from cooploc.analysis.report.tables import read_toml
 from cooploc.estimators import BUILTIN, make
 from cooploc.estimators.errors import BadInput

@@ -24,8 +24,8 @@ from cooploc.analysis.formats import (
     ratio,
 )
 from cooploc.analysis.report.html_page import Wording, html
+from cooploc.analysis.report.labels import short_labels
 from cooploc.analysis.report.result_tables import sort_rows
-from cooploc.analysis.report.run_numbers import short_labels
 from cooploc.analysis.report.tables import Table, number_column, text_column
 from cooploc.estimators.errors import BadInput
 
