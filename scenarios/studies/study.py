@@ -62,7 +62,7 @@ def expand(label: str, variants: Mapping[str, str]) -> list[str]:
 
 
 def write_out_variants(label: str, variants: Mapping[str, str]) -> str:
-    """Return the label with its variants written out."""
+    """Return the label with its variants written out; "ekf-ci [any]", as tables have it, is "ekf-ci[any]"."""
     match = re.fullmatch(r"([^\[\]]*)\[([^\[\]]*)\]", label)
     if match is None:
         return label
@@ -71,7 +71,7 @@ def write_out_variants(label: str, variants: Mapping[str, str]) -> str:
         if "=" not in item and item not in variants:
             known = nearest(item, list(variants)) if variants else "give it in the study's [variants]"
             raise BadInput(f"{label!r}: {item!r} is neither name=value nor a variant of the study; {known}")
-    return f"{match[1]}[{','.join(variants.get(item, item) for item in written)}]"
+    return f"{match[1].rstrip()}[{','.join(variants.get(item, item) for item in written)}]"
 
 
 def _swept_values(inside: str, label: str) -> list[str]:

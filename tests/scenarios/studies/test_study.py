@@ -35,6 +35,7 @@ def test_shipped_studies_name_only_what_there_is(name):
         ("a/n={2..3}[sd={0..0.2..0.1}]", [f"a/n={n}[sd={sd}]" for n in (2, 3) for sd in ("0", "0.1", "0.2")]),
         ("ekf-{local,joint}[x=1]", ["ekf-local[x=1]", "ekf-joint[x=1]"]),
         ("arl[plain,point=max]", ["arl[M=1,K=1,point=max]"]),
+        ("arl [plain]", ["arl[M=1,K=1]"]),  # as tables show it
         ("arl[{plain,anchor_reading=rssi}]", ["arl[M=1,K=1]", "arl[anchor_reading=rssi]"]),
     ],
 )
