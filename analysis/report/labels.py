@@ -1,6 +1,7 @@
 """Names of estimators in tables and figures: parameters that a study names, or that are long, as a word or a letter."""
 
 import string
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
@@ -43,10 +44,12 @@ def short_labels(labels: Iterable[str], variants: Mapping[str, str] | None = Non
     names = {sort_parameters(parameters): name for name, parameters in (variants or {}).items()}
     letters: dict[str, str] = {}
     short: dict[str, str] = {}
-    for label in dict.fromkeys(labels):
-        shown = shorten_labels(label)
+    written = {label: shorten_labels(label) for label in dict.fromkeys(labels)}
+    files = Counter(method.rpartition("/")[2] for method in {text.partition("[")[0] for text in written.values()})
+    for label, shown in written.items():
         method, _, settings = shown.removesuffix("]").partition("[")
-        method = method.rpartition("/")[2]  # of an estimator in a file, without its folder
+        if files[without := method.rpartition("/")[2]] == 1:
+            method = without  # of an estimator in a file, where no other folder has one of its name
         name = names.get(sort_parameters(settings)) if settings else None
         if len(method) > longest:
             method, settings = method[: longest - 1] + "…", ",".join(filter(None, (method, settings)))

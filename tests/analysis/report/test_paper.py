@@ -118,6 +118,8 @@ def test_a_long_label_is_short_and_equal_settings_have_equal_letters():
     assert [*found.short.values()] == ["arl", "arl[K=1]", "mrsl-rssi [a]", "rssi-pf [a]", "mrsl-rssi [b]", "f.py:F"]
     assert found.legend(names[:3]) == ["[a] particles=500, anchor_reading=rssi"]
     assert len("arl[K=1]") <= LONGEST < len(names[2])
+    two = ["old/f.py:F", "new/f.py:F[a=1]"]
+    assert [*short_labels(two).short.values()] == two
 
     label = "mrsl-rssi[density=exact,M=1,K=3]"
     assert short_labels([label], {"consistent": "K=3, density=exact,M=1"}).shorten(label) == "mrsl-rssi [consistent]"
