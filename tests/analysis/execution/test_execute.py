@@ -156,7 +156,7 @@ def test_a_failing_trial_costs_no_other_and_runs_again_on_request(tmp_path, monk
 
 def test_what_cannot_run_is_refused_before_anything_is_written(tmp_path):
     camera = STUDY.replace_options(scenarios=("trajectory", "camera/n=2"))
-    said = r"mrsl-rssi\[particles=40\] needs channel 'anchor_rssi'; scenario 'camera/n=2' has"
+    said = r"mrsl-rssi\[particles=40\] needs channel 'radio_rssi'; scenario 'camera/n=2' has"
     with pytest.raises(cl.IncompatibleEstimator, match=said):
         execute(prepare(camera), tmp_path / "run")
     with pytest.raises(cl.BadInput, match="not one of its estimators"):
