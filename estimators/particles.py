@@ -274,7 +274,7 @@ def team_channels(p: Any) -> tuple[str, ...]:
     return (*own_channels(p), f"sighting|radio_{p.reading}")
 
 
-# What reads ranges by radio takes the distances of a camera's sightings where there is no radio.
+# MRSL and CTRN measure ranges by radio. Where there is none they take the distances of a camera's sightings.
 
 
 def radio_channel(p: Any) -> str:
