@@ -7,7 +7,7 @@ are, too, the labels in which names are written with parameters, and the optiona
 import re
 import sys
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import Field, dataclass
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from types import ModuleType
@@ -160,7 +160,9 @@ def traits(estimator: Any) -> Traits:
 
 def refusal(estimator: Any) -> str:
     """Return the reason why an estimator does not fit this version of the interface; empty where it does."""
-    uses = getattr(estimator, "uses", None)
+    uses, cls = getattr(estimator, "uses", None), type(estimator).__name__
+    if any(isinstance(value, Field) for value in vars(type(estimator)).values()):
+        return f"{cls} declares parameters, which it does not get: write @dataclass(frozen=True) above the class"
     if isinstance(uses, tuple) and all(isinstance(channel, str) for channel in uses):
         return wrong_version(estimator)
     unfit = f"uses is {uses!r}: make it a tuple of channel names, such as ('odometry', 'anchor_rssi')"

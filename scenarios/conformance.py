@@ -226,13 +226,14 @@ class Harness:
             sparse = variations.drop_readings(stream, self.rng)
             fitting.append(replace(sparse, scenario=f"{stream.scenario}, some readings absent"))
         if not fitting:
-            raise CheckFailed("; ".join(reasons[::2]))  # the scenarios come in pairs
+            reason = "; ".join(reasons[::2])  # the scenarios come in pairs
+            raise CheckFailed(reason, remedy_of(reason))
         return fitting
 
     @cached_property
     def cases(self) -> list[tuple[Stream, RunRecord]]:
         """The streams, and how it runs on each where nothing is changed."""
-        return [(stream, self.run(stream, "nothing was changed")) for stream in self.streams]
+        return [(stream, self.run(stream, "")) for stream in self.streams]
 
     @property
     def team_cases(self) -> list[tuple[Stream, RunRecord]]:
@@ -244,7 +245,7 @@ class Harness:
         return {c: variations.name_of_array(c) for c in sorted(select_channels(self.name, self.estimator.uses, stream))}
 
     def run(self, stream: Stream, when: str, estimator: Any = None, watch: Watcher | None = None) -> RunRecord:
-        """Run the estimator, or another in its place, on a stream; `when` names the variation: "no packet arrived"."""
+        """Run the estimator, or another in its place; `when` says what was changed, if anything: "no packets"."""
         packets: list[Array] = []
         at: tuple[str, int] = "init", -1
         t, _, n = stream.senses.dt.shape
@@ -258,16 +259,18 @@ class Harness:
             return result
 
         self.runs += 1
+        varied = f" ({when})" if when else ""
         try:
             with limit_time(self.run_limit):
                 found = trace(self.name, self.estimator if estimator is None else estimator, stream, record)
         except CheckFailed:
             raise
         except (EstimatorError, IncompatibleEstimator) as e:
-            raise CheckFailed(f"{e} ({when})", REMEDIES[covariance] if "covariance" in str(e) else "") from e
+            raise CheckFailed(f"{e}{varied}", remedy_of(str(e))) from e
         except (Exception, SystemExit, GeneratorExit) as e:
-            where = f"{at[0]}() raised at tick {at[1]} of {stream.scenario!r} ({when})"
-            raise CheckFailed(f"{where}: {one_line(e)}{place_of(e)}") from e
+            tick = f"at tick {at[1]} of" if at[1] >= 0 else "before the first tick of"
+            where = f"{at[0]}() raised {tick} {stream.scenario!r}{varied}"
+            raise CheckFailed(f"{where}: {one_line(e)}{place_of(e)}", remedy_of(str(e))) from e
         return RunRecord(found, tuple(packets), stream)
 
     def require_same(
@@ -283,6 +286,11 @@ class Harness:
         except CheckFailed:
             return True
         return False
+
+
+def remedy_of(error: str) -> str:
+    """Return what to change after an error with words of `CAUSES`; empty for another."""
+    return next((remedy for words, remedy in CAUSES.items() if words in error), "")
 
 
 def require_equal(a: RunRecord, b: RunRecord, when: str, robots: Mask | bool = True, ticks: int | None = None) -> None:
@@ -533,7 +541,7 @@ def declaration(harness: Harness) -> str:
 
 def _find_used(harness: Harness, stream: Stream, channels: set[str]) -> set[str]:
     """Return those of these channels that change anything on a stream where they are perturbed, or hidden."""
-    base, found = harness.run(stream, "nothing was changed"), set()
+    base, found = harness.run(stream, ""), set()
     for channel, name in harness.arrays(stream).items():
         array = stream.arrays()[name]
         perturbed = stream.replace_arrays({name: array + 0.1 * harness.rng.normal(size=array.shape)})
@@ -581,8 +589,7 @@ FIRST = {  # checks without which no other one means anything, and why
     "determinism": "it does not repeat itself, so no two of its runs can be compared",
 }
 REMEDIES: dict[Callable[[Harness], str], str] = {
-    runs: "follow cooploc.estimators.interface: its shapes, nan for an absent reading, width 0 for an absent channel; "
-    "inputs are read-only: copy an array before you write to it",
+    runs: "correct it there; an absent reading is nan, and an absent channel has width 0",
     determinism: "draw random numbers from rows.key alone, and store everything in the state that init() makes: no "
     "global generator, cache, counter, clock, id() or hash(); a library that draws globally gets a keyed generator by "
     "cl.PerRobot(..., own_random=True)",
@@ -600,5 +607,12 @@ REMEDIES: dict[Callable[[Harness], str], str] = {
     declaration: "name in `uses` only channels that change the estimate; a message costs 8 bytes and its payload",
     equivariance: "take positions and directions only from the prior, the world and the readings; where the method "
     "itself lies along the axes, as sigma points and grids do, say so: axes = 'its sigma points lie along the axes'",
+}
+CAUSES = {  # words of an error -> what to change
+    "covariance": REMEDIES[covariance],
+    "not finite": REMEDIES[nan_safety],
+    "read-only": "inputs are read-only: copy an array before you write to it",
+    "shape": "cooploc.estimators.interface has the shape of every array",
+    "needs channel": "name in `uses` what these worlds have: 'a|b' is the first that there is, 'a?' one that may lack",
 }
 CHECKS = {check.__name__.replace("_", "-"): check for check in REMEDIES}  # in the order in which they run

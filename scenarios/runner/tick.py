@@ -5,6 +5,7 @@ An estimator's `uses` selects its channels; everything else is hidden from it, s
 
 from collections.abc import Callable
 from dataclasses import replace
+from difflib import get_close_matches
 from functools import cached_property
 from typing import Any, ClassVar, cast, get_args
 
@@ -81,8 +82,11 @@ def select_channels(name: str, uses: tuple[str, ...], stream: Stream) -> set[str
             used.add(found)
         elif not wish.endswith("?"):
             needed = " or ".join(repr(channel) for channel in options)
-            there = ", ".join(sorted(has))
-            raise IncompatibleEstimator(f"{name} needs channel {needed}; scenario {stream.scenario!r} has {there}")
+            there, close = ", ".join(sorted(has)), get_close_matches(options[0], [*WORDS, "odometry", *has], n=1)
+            meant = f"; did you mean {close[0]!r}?" if close and close[0] != options[0] else ""
+            raise IncompatibleEstimator(
+                f"{name} needs channel {needed}; scenario {stream.scenario!r} has {there}{meant}"
+            )
     return used
 
 
@@ -223,10 +227,12 @@ class _Loop:
 
     def require_shape(self, belief: Belief, lead: tuple[int, ...], where: str) -> Belief:
         d = self.stream.prior.x.shape[-1]
+        if not (hasattr(belief, "x") and hasattr(belief, "P")):
+            raise EstimatorError(f"{self.name}: {where} returned {type(belief).__name__}: return Belief(x, P)")
         for what, array, shape in (("x", belief.x, (*lead, d)), ("P", belief.P, (*lead, d, d))):
             if np.shape(array) != shape:
                 raise EstimatorError(f"{self.name}: {where} returned {what} of shape {np.shape(array)}, not {shape}")
-        return Belief(*belief)
+        return Belief(belief.x, belief.P)
 
 
 class Robots(_Loop):
@@ -252,6 +258,7 @@ class Robots(_Loop):
         """Deliver packets over the links that hold; what was sent counts whether it arrives or not."""
         t, n = self.shape
         link, rssi, distance = self.air(k)
+        sent = np.asarray(sent)
         if not (sent.ndim in (2, 3) and len(sent) == t * n and (sent.ndim == 2 or sent.shape[1] == n)):
             raise EstimatorError(
                 f"{self.name}: send() returned shape {sent.shape} at tick {k}, not ({t * n}, m) or ({t * n}, {n}, m)"

@@ -99,6 +99,18 @@ class UnknownChannel(DeadReckoning):
     uses: tuple[str, ...] = ("odometry", "telepathy")
 
 
+@dataclass(frozen=True)
+class Misspells(DeadReckoning):
+    uses: tuple[str, ...] = ("odometry", "anchor_rsi")
+
+
+class Undecorated(DeadReckoning):
+    gain: float = field(default=1.0)
+
+
+ReturnsPositions = change("ReturnsPositions", "estimate", lambda s, found: found.x)
+
+
 class Crashes(DeadReckoning):
     def correct(self, s, z):
         return s if z.dt[0] < 0 else s / 0
