@@ -7,6 +7,7 @@ is refused, with file and line.
 import codecs
 import csv
 import re
+import statistics
 import zlib
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
@@ -26,6 +27,7 @@ from cooploc.estimators.interface import Array, Indices
 TEXT_ENDINGS = (".csv", ".txt", ".tsv", ".dat", ".log", ".tum")  # and these with .gz
 LARGEST = 1e30  # of a number in a recording; stamps in ns have nineteen digits
 MAX_STEP_BACK = 0.5  # [s] stamps that step back by less (MRCLAM 9: by 0.1 s) are sorted; by more, lines are left out
+MOST_ZEROS = 5  # places with zero bytes, such as an interrupted write leaves; a file with more is no text
 LEAST_LEFT = 0.1  # share of the lines of a file that must be readable
 
 
@@ -65,13 +67,14 @@ def read_text(path: Path) -> str:
         raise BadInput(f"{path}: this is no gzip file, or it is damaged; get the file again") from None
     if raw.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         raw = raw.decode("utf-16", "replace").encode()
+    if (zeros := re.search(rb"\0+", raw)) and len(re.findall(rb"\0+", raw)) > MOST_ZEROS:
+        line = raw[: zeros.start()].count(b"\n") + 1
+        raise BadInput(f"{path}, line {line}: this is not UTF-8 text; save the file as UTF-8, or get it again")
+    raw = re.sub(rb"\0+", "\ufffd".encode(), raw)  # its line is left out as any other that cannot be read
     try:
         text = raw.decode("utf-8-sig")
     except UnicodeDecodeError:
         text = raw.decode("cp1252", "ignore")
-    if (bad := raw.find(b"\0")) >= 0:
-        line = raw[:bad].count(b"\n") + 1
-        raise BadInput(f"{path}, line {line}: this is not UTF-8 text; save the file as UTF-8, or get it again")
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
@@ -130,8 +133,10 @@ def time_order(stamps: Array) -> tuple[Indices, tuple[str, ...]]:
     """Return the rows by rising stamps (m,) [s], and sentences of what was done; equal stamps stay as they are.
 
     Stamps that step back by up to `MAX_STEP_BACK` are sorted. Where one steps back by more, a stamp is wrong: the
-    longest sequence of rows that rises in their order is kept.
+    longest sequence of rows that rises in their order is kept. Stamps that fall throughout are sorted, too.
     """
+    if len(stamps) > 1 and (np.diff(stamps) < 0).all():
+        return np.arange(len(stamps))[::-1], ("the last line is the first in time; they were sorted",)
     late, back = np.maximum.accumulate(stamps) - stamps, int((np.diff(stamps) < 0).sum())
     if (late > MAX_STEP_BACK).any():
         kept = longest_rise(stamps)
@@ -188,7 +193,8 @@ def split_fields(text: str, delimiter: str) -> tuple[list[str], int, Rows]:
     """Return the names of the columns, their line from 1, and the lines below it, those that are blank left out.
 
     Names stand in the first line, or in the last comment above it, or are "1", "2" ... where that line has mostly
-    numbers already, as those below. An empty field at the end of a line, for which there is no name, does not count.
+    numbers already, as those below. Titles above the names, of another number of fields than most lines, do not count,
+    nor does an empty field at the end of a line, for which there is no name.
     """
     rows = list(fields_of(text, delimiter))
     above = next((k for k, (_, fields) in enumerate(rows) if not fields[0].startswith(COMMENTS)), len(rows))
@@ -199,6 +205,10 @@ def split_fields(text: str, delimiter: str) -> tuple[list[str], int, Rows]:
         named = next((fields for _, fields in fields_of(words, delimiter)), [])
     if not rows:
         return named, comments[-1][0] if comments else 1, []
+    usual = statistics.mode(len(fields) for _, fields in rows[:1000])
+    first = next((k for k, (_, fields) in enumerate(rows[:10]) if len(fields) == usual), 0)
+    if first and all(word and np.isinf(parse_field(word)) for word in rows[first][1]):
+        rows = rows[first:]
     line, head = rows[0]
     has_number = [np.isfinite(parse_field(field)) for field in head]
     below = [[np.isfinite(parse_field(field)) for field in fields] for _, fields in rows[1:4]]
@@ -224,10 +234,15 @@ def read_lines(path: Path, numbers: Sequence[str], names: Sequence[str], delimit
     """
     text = read_text(path)
     head, first, content = split_fields(text, delimiter)
+    n = len(head)
     of_numbers = [find_column(path, first, head, name) for name in numbers]
     of_names = [find_column(path, first, head, name) for name in names]
-    faults = [(line, f"{len(fields)} fields, not {len(head)}") for line, fields in content if len(fields) != len(head)]
-    if content and not text.endswith("\n") and len(content[-1][1]) == len(head) and len(head) - 1 in of_numbers:
+    faults = [
+        (line, "the names of the columns again" if fields == head else f"{count_of(len(fields), 'field')}, not {n}")
+        for line, fields in content
+        if len(fields) != n or fields == head
+    ]
+    if content and not text.endswith("\n") and len(content[-1][1]) == n and n - 1 in of_numbers:
         faults.append((content[-1][0], "the last line has no end and may be cut off"))
     torn = {line for line, _ in faults}
     faults += [

@@ -201,6 +201,9 @@ class Study(BaseModel):
             return list(found.values())
         known = {name for cell in found.values() for name in cell.estimators}
         wanted = [name for label in self.only for name in expand(label, self.variants)]
+        if self.leaves_out_misfits:  # a name alone is the one configuration of it that fits the study's recordings
+            written = [[label for label in known if label.partition("[")[0] == name] for name in wanted]
+            wanted = [own[0] if len(own) == 1 else name for name, own in zip(wanted, written, strict=True)]
         chosen = []
         for cell in found.values():
             mine = tuple(name for name in dict.fromkeys(wanted) if name in cell.estimators or name not in known)

@@ -56,7 +56,8 @@ IN_TOML = [
 IN_FILES = [
     ("odom_red.csv", 1, "t,v,w", "t,v", "there is no column 'w'"),
     ("odom_red.csv", 1, "t,v,w", "t,v,v,w", "two columns are named 'v'"),
-    ("uwb.csv", 5, ",", "\0,", "this is not UTF-8 text"),
+    ("uwb.csv", 5, ",", "\0\0,", "which is not a number; it counts as empty"),
+    ("uwb.csv", 5, ",", ",".join(6 * "\0"), "line 5: this is not UTF-8 text"),
     ("odom_red.csv", 7, ",", ";", "line 7: 2 fields, not 3; it was left out"),
     ("odom_red.csv", 7, ",", ",x", "line 7: v is 'x"),
     ("odom_red.csv", 7, ",", ",,", "4 fields, not 3; it was left out"),
@@ -71,7 +72,7 @@ IN_FILES = [
         "left out 1 reading by 'red' with stamps that are days from the others",
     ),
     ("odom_red.csv", 1, "t", '"t', "there is no column 't'"),
-    ("odom_red.csv", 7, "17", '"17', "line 7: 1 fields, not 3; it was left out"),
+    ("odom_red.csv", 7, "17", '"17', "line 7: 1 field, not 3; it was left out"),
 ]
 
 

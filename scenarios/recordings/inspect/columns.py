@@ -56,12 +56,7 @@ def read_csv(path: Path, name: str) -> CsvTable:
     text = read_text(path).lstrip()
     if not text:
         raise BadInput(f"{path}: the file is empty; get it again")
-    lines = text.split("\n")
-    first = next((line for line in lines if line and not line.startswith(COMMENTS)), lines[0]).strip()
-    if not any(d in first for d in DELIMITERS):  # a title, or names that are divided by nothing
-        first = next((line for line in lines[1:10] if any(d in line for d in DELIMITERS)), first)
-    fields = {d: len(next(csv.reader([first], delimiter=d, skipinitialspace=True), [])) for d in DELIMITERS}
-    delimiter = max(DELIMITERS, key=lambda d: (fields[d] > 1, d != " ", fields[d]))
+    delimiter = infer_delimiter([line for line in text.split("\n") if line.strip()])
     head, line, rows = split_fields(text, delimiter)
     if twice := next((name for name in head if head.count(name) > 1), None):
         raise BadInput(f"{path}, line {line}: two columns are named {short_repr(twice)}; rename one")
@@ -69,8 +64,9 @@ def read_csv(path: Path, name: str) -> CsvTable:
     for _, row in rows[:1000]:
         sizes.setdefault(row[0], []).append(len(row))
     of_words = all(word and np.isinf(parse_field(word)) for word in sizes)
-    if of_words and 1 < len(sizes) <= 20 and len({*map(statistics.mode, sizes.values())}) > 1:
-        kinds = ", ".join(map(short_repr, sizes))
+    again = 1 < len(sizes) <= len(rows) / 2  # sentences begin with another word each
+    if of_words and again and len(sizes) <= 20 and len({*map(statistics.mode, sizes.values())}) > 1:
+        kinds = ", ".join([*map(short_repr, [*sizes][:3]), *["..."] * (len(sizes) > 3)])
         raise BadInput(f"{path}: {SEVERAL_KINDS} ({kinds}); write a file of each kind, with a line of names above")
     whole = [row for _, row in rows if len(row) == len(head)]
     if not rows:
@@ -88,6 +84,20 @@ def read_csv(path: Path, name: str) -> CsvTable:
         columns.setdefault(patterns.get(column, column), np.where(good, numbers, np.nan) if is_number else words)
     found = CsvTable(name, delimiter, columns, (), robots)
     return found._replace(guesses=infer_columns(found))
+
+
+def infer_delimiter(lines: Sequence[str]) -> str:
+    """Return what divides the fields: as in the first line that is divided into as many as the next, no title."""
+    some = [line.strip()[:10_000] for line in lines if not line.startswith(COMMENTS)][:10] or list(lines[:1])
+
+    def count(line: str, delimiter: str) -> int:
+        return len(next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), []))
+
+    likely = [max(DELIMITERS, key=lambda d: (count(line, d) > 1, d != " ", count(line, d))) for line in some]
+    for delimiter, line, below in zip(likely, some, some[1:], strict=False):
+        if 1 < (n := count(line, delimiter)) <= count(below, delimiter) <= n + 1:
+            return delimiter
+    return next((d for d, line in zip(likely, some, strict=True) if count(line, d) > 1), likely[0])
 
 
 def table_of_fields(topic: str, fields: Mapping[str, Sequence[Any]]) -> CsvTable:
@@ -173,7 +183,7 @@ def _guess(table: CsvTable, column: str, file_side: str) -> Guess:
         and "speed" not in dict(beside)
     ):
         unknown = "w beside x and y: part of a quaternion, or a heading"
-    elif quantity in ("time", "sec") and len(values) > 1 and (change < 0).mean() > 0.3:
+    elif quantity in ("time", "sec") and len(values) > 1 and 0.3 < (change < 0).mean() < 1:
         unknown = f"its name says {quantity}, but its values fall"
     if unknown:
         return Guess(column, "", "", side, unknown)
@@ -191,7 +201,7 @@ def _turn_rate(table: CsvTable, column: str) -> float:
     t, values = table.columns[stamp], table.columns[column]
     if isinstance(t, tuple) or isinstance(values, tuple) or not np.isfinite(t).any():
         return np.inf
-    dt = np.diff(t) / EPOCHS[_time_unit(t[np.isfinite(t)])[0]]
+    dt = np.abs(np.diff(t)) / EPOCHS[_time_unit(t[np.isfinite(t)])[0]]
     rates = np.abs(np.diff(values))[dt > 0] / dt[dt > 0]
     return float(np.nanquantile(rates, 0.9)) if np.isfinite(rates).any() else np.inf
 
@@ -230,7 +240,7 @@ def _time_unit(values: Array) -> tuple[str, str]:
     for unit, factor in EPOCHS.items():
         if SINCE_1970[0] < middle / factor < SINCE_1970[1]:
             return unit, f"{middle:.4g} since 1970 is in {unit}"
-    intervals = np.diff(values)
+    intervals = np.abs(np.diff(values))
     usual = float(np.median(intervals[intervals > 0])) if (intervals > 0).any() else 1.0
     for unit, least in (("ns", 1e6), ("us", 1e3), ("ms", 5.0)):
         if usual >= least and float(np.ptp(values)) > 2e3:

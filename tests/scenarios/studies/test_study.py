@@ -108,6 +108,12 @@ def test_options_choose_among_the_estimators_and_add_others_everywhere(tmp_path)
     assert [cell.baseline for cell in chosen] == ["ekf-local", "rssi-pf"]
 
 
+def test_a_name_alone_is_the_configuration_that_fits_recordings():
+    (cell,) = study.load("log").replace_options(only=["ekf-ci", "ekf-local[reading=rssi]", "ekf-hmd"]).cells()
+    fitting = "ekf-ci[anchor_reading=any,reading=any]"
+    assert cell.estimators == (fitting, "ekf-local[reading=rssi]", "ekf-hmd")  # of the last the study has none
+
+
 DATA = Path(os.environ.get("COOPLOC_DATA", Path(__file__).parents[4] / "shared" / "data"))
 FOLDERS = {"mrclam6@1": "mrclam6", "wifi@1": "wifi-rssi"}
 

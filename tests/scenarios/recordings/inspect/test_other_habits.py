@@ -162,6 +162,10 @@ HABITS = {
     "one export with quaternions": (lambda files: one_export(quaternion(["qx", "qy", "qz", "qw"])(files)), {}, None),
     "compressed": (lambda files: {f"{name}.gz": t for name, t in files.items()}, {}, None),
     "ranges that mean none": (no_reading, {}, None),
+    "a title": (SAME, {}, lambda text: "Lab 3; by Bob, on Monday\nin the afternoon\n" + text),
+    "the last line first": (lambda files: {name: t[::-1] for name, t in files.items()}, {}, None),
+    "a write that was interrupted": (SAME, {}, lambda text: text + 4096 * "\0"),
+    "names again": (SAME, {}, lambda text: text.replace("\n", "\n" + text.split("\n")[0] + "\n", 2)),
 }
 
 

@@ -146,8 +146,8 @@ def torn(make, pattern):
 
 
 FAULTS = {
-    "csv": (torn(lambda folder: write(folder, two_robots(seconds=40)), "truth_red.csv"), "line 61: 1 fields, not 4"),
-    "tum": (torn(tum_files, "red_gt.tum"), "line 61: 1 fields, not 8"),
+    "csv": (torn(lambda folder: write(folder, two_robots(seconds=40)), "truth_red.csv"), "line 61: 1 field, not 4"),
+    "tum": (torn(tum_files, "red_gt.tum"), "line 61: 1 field, not 8"),
     "graph": (torn(made_graph, "graph.pyfg"), "1 lines of 'VERTEX_SE', which is not read"),
     "mrclam": (torn(mrclam_files, "Robot2_Odometry.dat"), "line 61: 1 columns, not 3"),
     "bag": (lambda folder: made_bag(folder, "mcap", 20.0, behind=900), "900.0 s behind"),
