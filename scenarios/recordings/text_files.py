@@ -207,11 +207,11 @@ def split_fields(text: str, delimiter: str) -> tuple[list[str], int, Rows]:
         return named, comments[-1][0] if comments else 1, []
     usual = statistics.mode(len(fields) for _, fields in rows[:1000])
     first = next((k for k, (_, fields) in enumerate(rows[:10]) if len(fields) == usual), 0)
-    if first and all(word and np.isinf(parse_field(word)) for word in rows[first][1]):
-        rows = rows[first:]
-    line, head = rows[0]
-    has_number = [np.isfinite(parse_field(field)) for field in head]
-    below = [[np.isfinite(parse_field(field)) for field in fields] for _, fields in rows[1:4]]
+    kinds = [[bool(word) and not np.isinf(parse_field(word)) for word in fields] for _, fields in rows[: first + 4]]
+    titles = not any(kinds[first]) or (delimiter == " " and not any(map(any, kinds[:first])))
+    if first and titles and all(rows[first][1]):
+        rows, kinds = rows[first:], kinds[first:]
+    (line, head), (has_number, *below) = rows[0], kinds[:4]  # nan is a number, too
     if any(b > a for one in below for a, b in zip(has_number, one, strict=False)):
         rows = rows[1:]  # it has a word where there are numbers below
     elif len(named) == len(head) > 1:

@@ -79,7 +79,7 @@ def read_csv(path: Path, name: str) -> CsvTable:
     columns: dict[str, Array | tuple[str, ...]] = {}
     for column, words in zip(head, zip(*whole, strict=True), strict=True):  # of several robots the first one's values
         numbers = np.array([parse_field(word) for word in words])
-        good, filled = np.isfinite(numbers), sum(map(bool, words))
+        good, filled = np.isfinite(numbers), (~np.isnan(numbers)).sum()
         is_number = filled and good.sum() >= 0.9 * filled
         columns.setdefault(patterns.get(column, column), np.where(good, numbers, np.nan) if is_number else words)
     found = CsvTable(name, delimiter, columns, (), robots)
@@ -117,7 +117,7 @@ SINCE_1970 = (5e8, 5e9)  # [s] from 1985 to 2128
 SLOW = 2.0  # [1/s] in radians robots turn more slowly, in degrees faster
 NAMES = ("robot", "other")  # quantities whose values are names
 PART = "part of a quaternion"
-TUM = (("time", "s"), ("x", "m"), ("y", "m"), ("", ""))  # quantities and units of the columns before a quaternion
+TUM = ("time", "x", "y", "")  # quantities of the columns before a quaternion
 
 
 def infer_columns(table: CsvTable) -> tuple[Guess, ...]:
@@ -158,7 +158,8 @@ def _quaternions(table: CsvTable) -> dict[str, Guess]:
             found |= {name: Guess(name, "", "", "", PART) for name in own}
             whole = f"with {', '.join(own[:-1])} of length 1: a quaternion"
             found[column] = Guess(column, "heading", "rad", "", whole, tuple(own))
-            for k, (quantity, unit) in enumerate(TUM if numbered else (), 1):
+            for k, quantity in enumerate(TUM if numbered else (), 1):
+                unit = _time_unit(table.numbers("1"))[0] if quantity == "time" else "m" * bool(quantity)
                 found[f"{k}"] = Guess(f"{k}", quantity, unit, "", f"column {k} of eight as in TUM files")
     return found
 

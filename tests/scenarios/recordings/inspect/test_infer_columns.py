@@ -109,6 +109,18 @@ def test_what_differs_between_names_of_files_is_the_robot(files, pattern, robots
     assert file_pattern(files) == (pattern, robots)
 
 
+@pytest.mark.parametrize(
+    ("scale", "title", "lost"), [(1, "", 0), (1e9, "", 0), (1, "Ground truth of Monday\n", 0), (1, "", 5)]
+)
+def test_eight_columns_of_numbers_are_stamp_position_and_orientation(tmp_path, scale, title, lost):
+    lines = [f"{scale * (1.7e9 + k / 10):.0f} {k} 1.5 0 0 0 0.6 0.8" for k in range(LINES)]
+    lines[:lost] = ["1700000000 nan nan nan nan nan nan nan"] * lost
+    (tmp_path / "truth.txt").write_text(title + "\n".join(lines) + "\n")
+    found = read_csv(tmp_path / "truth.txt", "truth.txt").guesses
+    assert [guess.quantity for guess in found] == ["time", "x", "y", "", "", "", "", "heading"]
+    assert [guess.unit for guess in found[:3]] == [{1: "s", 1e9: "ns"}[scale], "m", "m"]
+
+
 VICON = (
     "Objects\n50\n,,red,,,blue,,\nFrame,Sub Frame,RZ,TX,TY,RZ,TX,TY\n,,rad,mm,mm,rad,mm,mm\n" + 9 * "1,0,2,3,4,5,6,7\n"
 )
