@@ -24,6 +24,7 @@ from cooploc.scenarios.recordings.team_log import (
     Series,
     TeamLog,
     build_log,
+    compose_poses,
     order_series,
     reading_tables,
     without_missing,
@@ -147,13 +148,19 @@ def read_motion(run: RunFiles, table: Odometry | GroundTruth) -> Mapping[str, Se
     """Return the odometry or the truth of each robot, from the first file that has lines of it."""
     names = schema.COLUMNS[table.kind if isinstance(table, Odometry) else "pose"]
     columns = [getattr(table, name) for name in names]
+    steps = isinstance(table, Odometry) and table.kind == "increment"
     found: dict[str, Series] = {}
     strangers = set[str]()
     for rows in rows_of(run, table, columns, ()):
         for robot in dict.fromkeys(rows.robot):
             mine = np.flatnonzero([name == robot for name in rows.robot])
             if robot in run.description.robots and robot not in found:
-                found[robot], notes = order_series(rows.time[mine], rows.values[mine], str(rows.path))
+                values = rows.values[mine]
+                if steps and columns[1] is None:
+                    values[:, 1] = 0.0  # no motion to the side
+                found[robot], notes = order_series(rows.time[mine], values, str(rows.path))
+                if steps and len(values):
+                    found[robot] = found[robot]._replace(values=compose_poses(found[robot].values[1:]))
                 run.warnings.extend(notes)
             elif robot not in run.description.robots and robot not in strangers:
                 strangers.add(robot)

@@ -24,6 +24,7 @@ from reprlib import repr as short_repr
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.models import wrap
@@ -180,7 +181,7 @@ def read_run(place: Path, name: str, description: TeamDescription) -> TeamLog:
 
 
 def _odometry(graph: Graph, chain: Chain, moved: dict[tuple[str, str], tuple[float, ...]]) -> Series:
-    """Return poses composed from the first: x' = x + R(heading) dx; of the longest stretch without a missing step."""
+    """Return poses composed from the first, of the longest stretch without a missing step."""
     missing = [k for k, pair in enumerate(pairwise(chain)) if pair not in moved]
     begin, end = max(pairwise([-1, *missing, len(chain) - 1]), key=lambda ends: ends[1] - ends[0])
     stretch = chain[begin + 1 : end + 1]
@@ -188,15 +189,11 @@ def _odometry(graph: Graph, chain: Chain, moved: dict[tuple[str, str], tuple[flo
         robot = graph.poses[chain[0]].robot
         lack = f"lacks {len(missing)} steps of odometry; it is read from {stretch[0]} to {stretch[-1]}"
         graph.warnings.append(f"{graph.path}: robot {robot} {lack}")
-    rows = [(0.0, 0.0, 0.0)]
-    for pair in pairwise(stretch):
-        (x, y, heading), (dx, dy, turn) = rows[-1], moved[pair]
-        c, s = np.cos(heading), np.sin(heading)
-        rows.append((x + c * dx - s * dy, y + s * dx + c * dy, heading + turn))
-    return _series(graph, stretch, rows)
+    steps = np.array([moved[pair] for pair in pairwise(stretch)], float).reshape(-1, 3)
+    return _series(graph, stretch, team_log.compose_poses(steps))
 
 
-def _series(graph: Graph, chain: Chain, rows: Sequence[Sequence[float]]) -> Series:
+def _series(graph: Graph, chain: Chain, rows: ArrayLike) -> Series:
     """Return a robot's poses (m, 3) with stamps that rise; of repeated stamps the first pose is kept."""
     values = np.array(rows, float)
     values[:, 2] = wrap(values[:, 2])

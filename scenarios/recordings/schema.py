@@ -177,11 +177,11 @@ class Odometry(Source):
     """Odometry: the measurements of each robot of its own motion.
 
     velocity: `speed` and `turn_rate`, which hold until the next line. pose: `x`, `y`, `heading` in a frame of its own.
-    path: `length` driven so far (a counter) and `turn_rate`. displacement: `dx`, `dy` since the line before, in a
-    compass frame.
+    path: `length` driven so far (a counter) and `turn_rate`. increment: `dx` ahead, `turn`, perhaps `dy` to the left,
+    since the line before. displacement: `dx`, `dy` since the line before, in a compass frame.
     """
 
-    kind: Literal["velocity", "pose", "displacement", "path"]
+    kind: Literal["velocity", "pose", "displacement", "path", "increment"]
     speed: Speed | None = None
     turn_rate: TurnRate | None = None
     x: Metres | None = None
@@ -190,13 +190,15 @@ class Odometry(Source):
     length: Metres | None = None
     dx: Metres | None = None
     dy: Metres | None = None
+    turn: Angle | None = None
 
     @model_validator(mode="after")
     def _has_its_columns(self) -> Self:
         needed = COLUMNS[self.kind] if self.in_files else ()
         every = sorted({name for names in COLUMNS.values() for name in names})
         given = {name for name in every if getattr(self, name) is not None}
-        if given != set(needed):
+        may_lack = {"dy"} if self.kind == "increment" else set[str]()
+        if not {*needed} - may_lack <= given <= {*needed}:
             takes, has = (", ".join(names) or "no columns" for names in (needed, sorted(given)))
             raise ValueError(f"kind {self.kind!r} takes {takes}, not {has}")
         return self
@@ -206,6 +208,7 @@ COLUMNS: Mapping[str, tuple[str, ...]] = {  # of each kind of odometry
     "velocity": ("speed", "turn_rate"),
     "pose": ("x", "y", "heading"),
     "displacement": ("dx", "dy"),
+    "increment": ("dx", "dy", "turn"),
     "path": ("length", "turn_rate"),
 }
 

@@ -163,6 +163,17 @@ def order_series(time: Array, values: Array, source: str, last: bool = False) ->
     return Series(time[kept], values[kept], source), [*left_out, *(f"{source}: {note}" for note in notes)]
 
 
+def compose_poses(steps: Array) -> Array:
+    """Return the poses (m + 1, 3) from the origin on to which steps (m, 3), each in the frame of the pose before, lead.
+
+    x' = x + R(heading) dx, heading' = heading + turn.
+    """
+    heading = np.concatenate([[0.0], np.cumsum(steps[:, 2])])
+    (dx, dy), (c, s) = steps[:, :2].T, (np.cos(heading[:-1]), np.sin(heading[:-1]))
+    move = np.stack([c * dx - s * dy, s * dx + c * dy], -1)
+    return np.column_stack([np.concatenate([np.zeros((1, 2)), np.cumsum(move, axis=0)]), heading])
+
+
 # ---- A team's log, put together from what a reader found
 
 Kind = Literal["range", "rssi", "sighting"]
@@ -231,7 +242,8 @@ def build_log(
         notes += left_out
     moved = tuple(odometry[robot] for robot in robots)
     landmarks, anchors = stated_places(d.landmarks), stated_places(d.anchors)
-    return TeamLog(name, robots, d.moves.kind, moved, tuple(poses), readings, landmarks, anchors, tuple(notes))
+    of: OdometryKind = "pose" if d.moves.kind == "increment" else d.moves.kind
+    return TeamLog(name, robots, of, moved, tuple(poses), readings, landmarks, anchors, tuple(notes))
 
 
 def without_missing(table: ReadingColumns, values: Array) -> Array:

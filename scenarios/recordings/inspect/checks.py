@@ -508,7 +508,11 @@ def check_compass_frame(c: CheckedLog, i: int) -> None:
         return
     follows, offset = motion.concentration(wrap(motion.course(true) - motion.course(measured)))
     opposes, mirror = motion.concentration(wrap(motion.course(true) + motion.course(measured)))
-    if opposes > FOLLOWS and opposes > follows + 0.2:
+    if max(follows, opposes) < FOLLOWS / 2:
+        fact = f"the positions move elsewhere than dx, dy (agreement {follows:.2f}), which are perhaps ahead and left"
+        setting = 'with a column of turns kind = "increment", turn = "..."'
+        c.add("frame", i, c.log.odometry[i].source, fact, "sure", setting, "odometry", ("dx", "dy"))
+    elif opposes > FOLLOWS and opposes > follows + 0.2:
         fact = f"the positions move as the mirror image of odometry (agreement {opposes:.2f})"
         _add_mirror(c, i, mirror, fact, "likely")
     elif follows > FOLLOWS and abs(offset) > OFFSET:

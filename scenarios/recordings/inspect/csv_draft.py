@@ -30,7 +30,7 @@ from cooploc.scenarios.recordings.text_files import is_text
 REMEDY = "name the files odom_NAME.csv and truth_NAME.csv, or write log.toml by hand (docs/how-to/robots.md)"
 READINGS = {"sightings": ("range", "bearing"), "ranges": ("range",), "rssi": ("rssi",)}  # table -> its columns
 STAMPS = ("time", "sec", "nsec")
-KINDS = ("velocity", "path", "displacement", "pose")  # of odometry; the first whose columns a file has
+KINDS = ("velocity", "path", "increment", "displacement", "pose")  # of odometry; the first whose columns a file has
 
 # --- Files
 
@@ -102,7 +102,7 @@ def _parts(file: CsvTable) -> list[TablePart]:
     parts, left = [], list(file.guesses)
     for kind in KINDS:
         own = _first_columns(file.guesses, COLUMNS[kind], ("odometry",) if kind == "pose" else ("", "odometry"))
-        if len(own) == len(COLUMNS[kind]):
+        if len(own) == len(COLUMNS[kind]) or (kind == "increment" and {"dx", "turn"} <= own.keys()):
             parts.append(TablePart("odometry", (file,), shared | own, kind))
             left = [g for g in left if g not in own.values()]
             break

@@ -19,7 +19,7 @@ QUANTITY_OF_PAIR = {pair: quantity for quantity, of in _WORDS["pairs"].items() f
 AXES = {"turn_rate": (["x"], ["y"]), "speed": (["y"], ["z"]), "heading": (["x"], ["y"], ["w"])}
 ODOMETRY, TRUTH = ({word for word, of in SIDE.items() if of == side} for side in ("odometry", "truth"))
 # The units of quantities in log.toml; all others are lengths in m.
-SI = {"time": "s", "sec": "s", "nsec": "ns", "rssi": "dBm", "heading": "rad", "bearing": "rad"}
+SI = {"time": "s", "sec": "s", "nsec": "ns", "rssi": "dBm", "heading": "rad", "bearing": "rad", "turn": "rad"}
 RATES = {"turn_rate": "rad/s", "speed": "m/s"}
 
 
@@ -84,6 +84,8 @@ def columns_of_robots(head: Sequence[str]) -> tuple[dict[str, str], tuple[str, .
     of_team = [p for p, of in words_at.items() if {*of} == team]
     leftmost_last = sorted(of_team, key=lambda p: -p.index("{robot}"))  # of d1_A1 the first 1 is of the robot
     found = {column: p for p in leftmost_last for column in words_at[p].values()}
+    if {"x", "y"} <= {name_meaning(column)[0] for column in head if column not in found and is_plain(column)}:
+        return {}, ()  # beside x and y of a robot, m1x and m2x are of markers on it
     robots = tuple(dict.fromkeys(word for of in words_at.values() if {*of} == team for word in of))
     return found | pairs_of_robots(head, robots), robots
 

@@ -112,6 +112,25 @@ def test_units_clocks_and_frames_are_undone(lab):
     same(read(lab, *changes), whole)
 
 
+@pytest.mark.parametrize("sideways", [0.0, 0.02])
+def test_increments_are_the_poses_that_they_lead_to(lab, sideways):
+    (lab / "mocap_blue.csv").unlink()
+    (lab / "odom_blue.csv").unlink()
+    rng = np.random.default_rng(1)
+    steps = np.column_stack([rng.uniform(0, 0.1, 80), sideways * rng.normal(size=80), rng.normal(0, 0.2, 80)])
+    at, poses = np.zeros(3), []
+    for dx, dy, turn in [np.zeros(3), *steps[1:]]:
+        c, s = np.cos(at[2]), np.sin(at[2])
+        at = at + np.array([c * dx - s * dy, s * dx + c * dy, turn])
+        poses.append(at)
+    table = np.column_stack([1.7e9 + 0.1 * np.arange(80), steps])
+    np.savetxt(lab / "odom_red.csv", table, "%.9f", ",", header="t,ahead,left,turned", comments="")
+    columns = 'dx = "ahead"\n' + 'dy = "left"\n' * (sideways > 0) + 'turn = "turned"'
+    log = read(lab, ('kind = "velocity"', 'kind = "increment"'), ('speed = "v"', columns), ('turn_rate = "w"', ""))
+    assert log.odometry_kind == "pose"
+    np.testing.assert_allclose(log.odometry[0].values, poses, atol=1e-6)
+
+
 def test_a_column_for_each_anchor_says_the_same(lab):
     places = "[anchors]\nplaces = { north = [4, 5.5], south = [1, 0.5], east = [7.5, 3] }\n[fit]"
     whole = read(lab, ("[fit]", places)).readings["anchor_range"]

@@ -112,6 +112,7 @@ FAULTS = {
     "axes exchanged": ("axes", "r1", "trajectory", series("truth", 1, places(lambda x, y: (y, x)))),
     "mirrored frame": ("mirrored", "r1", "trajectory", series("truth", 1, places(lambda x, y: (x, 6 - y)))),
     "clock of the truth": ("clock", "r1", "trajectory", series("truth", 1, lambda t, v: (later(t), v))),
+    "moves ahead": ("frame", "r1", "trajectory", series("odometry", 1, lambda t, v: (t, np.c_[np.hypot(*v.T), 0 * t]))),
     "truths exchanged": ("robots", "r0", "trajectory", lambda g: g._replace(truth=(*g.truth[1::-1], *g.truth[2:]))),
     "ranges in mm": ("unit", "", "trajectory", readings(RANGES, "values", lambda r: 1e3 * r.values)),
     "bearings in degrees": ("degrees", "", "camera", readings(RANGES, "values", lambda r: r.values * [1, DEGREES])),

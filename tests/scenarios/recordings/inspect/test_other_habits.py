@@ -269,6 +269,19 @@ def test_speeds_and_turn_rates_in_two_files_are_named(team):
         cl.inspect(folder)
 
 
+def test_steps_with_turns_are_of_the_robots_own_frame_and_markers_are_no_robots(team):
+    def steps(files):
+        for robot in ROBOTS:
+            both, truth = files[f"odom_{robot}.csv"], files[f"truth_{robot}.csv"]
+            both["dx"], both["dy"], both["dtheta"] = 0.1 * both.pop("v"), 0.0, 0.1 * both.pop("omega")
+            truth["m1x"], truth["m1y"], truth["m2x"], truth["m2y"] = 2 * [truth["x"], truth["y"]]
+        return files
+
+    found = cl.inspect(team(steps)).inspected
+    assert 'kind = "increment"' in found.text
+    assert (found.log.robots, found.log.odometry_kind, found.findings) == (("blue", "red"), "pose", ())
+
+
 def test_texts_without_a_table_are_named(tmp_path):
     (tmp_path / "tag1.log").write_text("DIST,4,AN0 of tag\nDIST,4,AN0 of tag, late\n")
     with pytest.raises(BadInput, match=r"tag1\.log: a text, and no table; save it as CSV"):
