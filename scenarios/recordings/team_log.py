@@ -104,12 +104,23 @@ def shift_stamps(log: TeamLog, by: float) -> TeamLog:
 # ---- True poses as a description declares them: in another frame, and without positions that cannot be
 
 
-def true_poses(time: Array, poses: Array, declared: GroundTruth) -> tuple[Array, int]:
-    """Return poses (m, 3) in the team's frame, nan where they are stale or out of reach, and how many are the latter.
+LOST = 0.5  # [m] from a robot's positions before and after: at 0, 0 it was lost by the tracker
 
-    `poses` are x, y [m], heading [rad] as recorded at `time` [s], nan where absent. Out of reach is a position that
-    `max_speed` does not lead to from the last valid one.
+
+def true_poses(time: Array, poses: Array, declared: GroundTruth) -> tuple[Array, dict[str, int]]:
+    """Return poses (m, 3) in the team's frame, nan where they cannot be; and why, with the number of lines.
+
+    `poses` are x, y [m], heading [rad] as recorded at `time` [s], nan where absent. They are stale, out of reach (no
+    `max_speed` leads there from the last valid one), or exactly 0, 0 and far from those before and after, as trackers
+    write what they have lost.
     """
+    zero, known = (poses[:, :2] == 0).all(-1), np.isfinite(poses[:, :2]).all(-1)
+    there = np.flatnonzero(known & ~zero)
+    after = np.searchsorted(there, np.flatnonzero(zero))
+    near = there[np.clip([after - 1, after], 0, len(there) - 1)] if len(there) else np.zeros((2, len(after)), np.int64)
+    lost = np.flatnonzero(zero)[(np.hypot(*poses[near, :2].T) > LOST).all(-1)]
+    poses = poses.copy()
+    poses[lost] = np.nan
     x, y, heading = poses.T
     if declared.frame == "mirrored":
         y, heading = -y, -heading
@@ -127,7 +138,8 @@ def true_poses(time: Array, poses: Array, declared: GroundTruth) -> tuple[Array,
                 jumps += 1
             else:
                 last = k
-    return framed, jumps
+    away = "at exactly 0, 0, far from those before and after: lost by the tracker"
+    return framed, {"out of reach at max_speed": jumps, away: len(lost)}
 
 
 # ---- A series of one robot, put into order
@@ -231,15 +243,14 @@ def build_log(
             notes += [f"{place}: robot {robot!r} has no truth, and so no errors"] * (d.truth is not None)
             poses.append(None)
             continue
-        values, jumps = true_poses(series.time, series.values, d.truth)
+        values, left_out = true_poses(series.time, series.values, d.truth)
         poses.append(series._replace(values=values))
-        if jumps:
-            notes.append(f"{series.source}: {jumps} true positions are out of reach at max_speed, and were left out")
+        notes += [f"{series.source}: left out {count_of(n, 'true position')} {w}" for w, n in left_out.items() if n]
     readings: dict[Channel, ReadingSeries] = {}
     for kind, _, fixed in reading_tables(d):
-        channels, left_out = split_channels(kind, measured.get(kind, []), robots, fixed.names)
+        channels, dropped = split_channels(kind, measured.get(kind, []), robots, fixed.names)
         readings |= channels
-        notes += left_out
+        notes += dropped
     moved = tuple(odometry[robot] for robot in robots)
     landmarks, anchors = stated_places(d.landmarks), stated_places(d.anchors)
     of: OdometryKind = "pose" if d.moves.kind == "increment" else d.moves.kind

@@ -159,6 +159,14 @@ def check_lengths(c: CheckedLog, i: int) -> None:
         fact = f"{len(fast)} speeds of more than {FASTEST:g} m/s, up to {speeds.max():.3g}"
         fact += f"; the first {odometry.time[fast[0]] - odometry.time[0]:.1f} s after the start"
         c.add("jump", i, odometry.source, fact, "sure", "remove these lines", "odometry", ("speed",))
+    if c.log.odometry_kind == "pose":
+        apart = np.hypot(*np.diff(odometry.values[:, :2], axis=0).T)
+        speeds = apart / np.maximum(np.diff(odometry.time), 1e-3)
+        again = np.flatnonzero((apart > JUMP) & (speeds > FAST * max(motion.quantile(speeds, 0.9), 0.05)))
+        if len(again):
+            fact = f"odometry leaps by up to {apart[again].max():.2g} m; the first time"
+            fact += f" {odometry.time[again[0]] - odometry.time[0]:.1f} s after the start: did it begin again?"
+            c.add("jump", i, odometry.source, fact, "sure", "make a run of each part", "odometry", ("x", "y"))
     driven, moved = (motion.quantile(np.abs(m.steps(of).length), 0.75, 8) / m.window for of in (m.odometry, m.truth))
     sides = (
         ("truth", "the truth is", moved, "odometry", driven, m.poses, POSITIONS),

@@ -186,14 +186,25 @@ def _guess(table: CsvTable, column: str, file_side: str) -> Guess:
         unknown = "w beside x and y: part of a quaternion, or a heading"
     elif quantity in ("time", "sec") and len(values) > 1 and 0.3 < (change < 0).mean() < 1:
         unknown = f"its name says {quantity}, but its values fall"
+    elif quantity == "time" and len(values) > 10 > 2 * len({*values.tolist()}):
+        unknown = f"{values[0]:.10g} and hardly another: it was written with too few digits"
     if unknown:
         return Guess(column, "", "", side, unknown)
     rises = len(values) > 10 and (change >= 0).all() and np.ptp(values) > 0
     if rises and (quantity, side) == ("x", "odometry") and ("y", "odometry") not in beside:
         quantity = "length"
         reason += " has no y beside it, and its values only rise: a counter of metres"
+    values = values[values < no_reading(values)] if quantity == "range" else values
     unit, why = infer_unit(quantity, named_unit, values, _turn_rate(table, column) if quantity == "heading" else np.inf)
     return Guess(column, quantity, unit, side or file_side, reason + (f"; {why}" if why else ""))
+
+
+def no_reading(values: Array) -> float:
+    """Return what a radio says of nothing: the largest, often there, and by half above all others; inf if none is."""
+    largest = np.max(values, initial=0.0)
+    others = values[values < largest]
+    often = len(values) - len(others) >= max(10, 0.005 * len(values))
+    return float(largest) if often and largest >= 1.5 * np.max(others, initial=0.0) else np.inf
 
 
 def _turn_rate(table: CsvTable, column: str) -> float:

@@ -21,6 +21,7 @@ from cooploc.scenarios.recordings.inspect.columns import (
     Guess,
     infer_columns,
     infer_unit,
+    no_reading,
     read_csv,
 )
 from cooploc.scenarios.recordings.inspect.draft_toml import Draft, DraftTable, Entry
@@ -158,7 +159,8 @@ def _name_readings(file: CsvTable, robots: Sequence[str], fixed: Sequence[str]) 
 def _lack(file: CsvTable) -> str:
     """Return why a file makes no table; "" where it makes one."""
     if _parts(file) or not {g.quantity for g in file.guesses} & {"time", "sec"}:
-        return "" if _parts(file) else "no column of it holds stamps (time)"
+        why = next((g.reason for g in file.guesses if naming.name_meaning(g.column)[0] in ("time", "sec")), "time")
+        return "" if _parts(file) else f"no column of it holds stamps ({why})"
     reasons: dict[str, list[str]] = {}
     for g in file.guesses:
         if not g.quantity and g.reason != PART:
@@ -301,7 +303,7 @@ def _draft_run(folder: Path, data: Path) -> tuple[Draft, tuple[str, ...]]:
             halves = [
                 next((f.name for f in files for g in f.guesses if g.quantity == q), "") for q in COLUMNS["velocity"]
             ]
-            if needed == "odometry" and all(halves):
+            if needed == "odometry" and all(halves) and halves[0] != halves[1]:
                 unread = f"{folder}: speeds are in {halves[0]}, turn rates in {halves[1]}; write both into one file"
             sides = (needed,) if len(files) > 1 else (needed, "")  # of files whose names say nothing none is to blame
             odd = [name for name in lacking if naming.side_of(Path(name).stem) in sides]
@@ -455,15 +457,13 @@ def _others(part: TablePart) -> list[list[str]]:
 
 
 def _missing(part: TablePart) -> list[Entry]:
-    """Return the line for ranges that mean none: the largest, often there, and by half above all others."""
+    """Return the line for ranges that mean none."""
     if part.table != "ranges":
         return []
     values = np.concatenate([f.numbers(g.column) * UNITS["m"][g.unit] for f in part.files for g in part.each])
-    largest, others = np.max(values, initial=0.0), values[values < np.max(values, initial=0.0)]
-    count = len(values) - len(others)
-    if count < max(10, 0.005 * len(values)) or largest < 1.5 * np.max(others, initial=0.0):
+    if np.isinf(largest := no_reading(values)):
         return []
-    why = f"[m] {count} of {len(values)} ranges are {largest:.6g} m, and no other is near"
+    why = f"[m] {(values == largest).sum()} of {len(values)} ranges are {largest:.6g} m, and no other is near"
     return [Entry("missing_from", float(f"{0.99 * largest:.3g}"), why, "likely")]
 
 

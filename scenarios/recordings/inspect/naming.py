@@ -138,7 +138,7 @@ def match_names(words: Iterable[str], robots: Sequence[str]) -> dict[str, str]:
     nameless = [robot for robot in robots if robot not in words]
     forms = (
         letters_of,
-        lambda name: "".join(re.findall(r"\d+", name)[-1:]).lstrip("0"),
+        lambda name: "".join(map(str, map(int, re.findall(r"\d+", name)[-1:]))),
         lambda name: "".join(re.findall(r"[^\W_]+", name)[-1:]).lower(),
         lambda name: "".join(re.findall(r"[^\W_]+", name)[:1]).lower(),
     )

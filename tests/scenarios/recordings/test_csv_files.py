@@ -156,7 +156,20 @@ def test_a_jump_that_no_robot_can_make_is_left_out(lab):
     (lab / "mocap_red.csv").write_text("\n".join(lines) + "\n")
     log = read(lab, ('x = "x"', 'x = "x"\nmax_speed = 2.0'))
     assert np.isnan(log.truth[0].values).any(-1).sum() == 1
-    assert any("1 true positions are out of reach" in w for w in log.warnings)
+    assert any("left out 1 true position out of reach" in w for w in log.warnings)
+
+
+def test_true_positions_at_exactly_0_0_and_far_from_all_others_were_lost(lab):
+    whole = read(lab).truth[0]
+    lines = (lab / "mocap_red.csv").read_text().splitlines()
+    for k in (1, 60, 61, len(lines) - 1):
+        lines[k] = ",".join([*lines[k].split(",")[:2], "0.0", "0.0", "0.0"])
+    (lab / "mocap_red.csv").write_text("\n".join(lines) + "\n")
+    log = read(lab)
+    lost = [0, 59, 60, len(lines) - 2]
+    np.testing.assert_array_equal(np.flatnonzero(np.isnan(log.truth[0].values[:, 0])), lost)
+    np.testing.assert_array_equal(np.delete(log.truth[0].values, lost, 0), np.delete(whole.values, lost, 0))
+    assert any("left out 4 true positions at exactly 0, 0" in w for w in log.warnings)
 
 
 def test_a_robot_without_truth_is_told_and_one_without_odometry_left_out(lab):

@@ -218,6 +218,7 @@ def test_columns_for_each_robot_and_anchor_stand_beside_those_of_pairs(tmp_path)
 def test_beside_a_robot_by_its_name_a_number_is_of_no_robot():
     assert match_names(["robot1", "robot2", "a1", "a2"], ["robot1", "robot2"]) == {}
     assert match_names(["1", "2"], ["robot1", "robot2"]) == {"1": "robot1", "2": "robot2"}
+    assert match_names(["r0", "r01"], ["0", "1"]) == {"r0": "0", "r01": "1"}
 
 
 def test_numbers_that_a_robot_would_share_with_itself_are_of_anchors(team):
@@ -322,6 +323,17 @@ def decimetres(files):
     }
 
 
+def odometry_that_began_again(files):
+    """Poses by odometry, from the origin again after half of the time."""
+    for robot in ROBOTS:
+        both, half = files[f"odom_{robot}.csv"], len(files[f"odom_{robot}.csv"]) // 2
+        heading = np.concatenate([[0.0], 0.1 * np.cumsum(both.pop("omega"))[:-1]])
+        steps = 0.1 * both.pop("v").to_numpy()[:, None] * np.column_stack([np.cos(heading), np.sin(heading)])
+        place = np.concatenate([np.cumsum(steps[:half], axis=0), np.cumsum(steps[half:], axis=0)])
+        both["x"], both["y"], both["theta"] = *place.T, heading
+    return files
+
+
 def later_ranges(files):
     return {**files, "uwb.csv": files["uwb.csv"].assign(time=lambda t: t["time"] + 5000)}
 
@@ -350,6 +362,7 @@ def delayed(files):
         (later_ranges, {"clock"}, "[ranges] clock_offset = -5000"),
         (frozen, {"stale"}, '[truth] repeats = "stale"'),
         (decimetres, {"unit"}, '[ranges] range: unit = "cm"'),
+        (odometry_that_began_again, {"jump"}, "[odometry] x, y: make a run of each part"),
     ],
 )
 def test_a_fault_of_the_files_is_found_as_what_it_is(team, change, kinds, setting):
