@@ -208,7 +208,7 @@ def split_fields(text: str, delimiter: str) -> tuple[list[str], int, Rows]:
     usual = statistics.mode(len(fields) for _, fields in rows[:1000])
     first = next((k for k, (_, fields) in enumerate(rows[:10]) if len(fields) == usual), 0)
     kinds = [[bool(word) and not np.isinf(parse_field(word)) for word in fields] for _, fields in rows[: first + 4]]
-    titles = not any(kinds[first]) or (delimiter == " " and not any(map(any, kinds[:first])))
+    titles = not any(kinds[first]) or (delimiter == " " and all(kinds[first]) and not any(map(any, kinds[:first])))
     if first and titles and all(rows[first][1]):
         rows, kinds = rows[first:], kinds[first:]
     (line, head), (has_number, *below) = rows[0], kinds[:4]  # nan is a number, too

@@ -41,12 +41,15 @@ def _read_files(paths: Iterable[Path], folder: Path, data: Path) -> tuple[list[C
     files, unread = [], []
     for path in paths:
         name = path.relative_to(folder if path.is_relative_to(folder) else data).as_posix()
+        fault, is_csv = f"{name}: a text, and no table", ".csv" in path.name.lower()
         try:
-            files.append(read_csv(path, name))
+            file = read_csv(path, name)
+            if is_csv or "1" in file.columns or any(guess.quantity for guess in file.guesses):
+                files.append(file)
+                continue
         except BadInput as e:
-            unread.append(
-                str(e) if ".csv" in path.name.lower() or SEVERAL_KINDS in str(e) else f"{name}: a text, and no table"
-            )
+            fault = str(e) if is_csv or SEVERAL_KINDS in str(e) else fault
+        unread.append(fault)
     return files, unread
 
 
