@@ -186,6 +186,8 @@ def _guess(table: CsvTable, column: str, file_side: str) -> Guess:
         unknown = "w beside x and y: part of a quaternion, or a heading"
     elif quantity in ("time", "sec") and len(values) > 1 and 0.3 < (change < 0).mean() < 1:
         unknown = f"its name says {quantity}, but its values fall"
+    elif quantity == "rssi" and len(values) and np.median(values) > 0:
+        unknown = "its values are positive, and dBm are below 0; where these are sizes, write -rssi"
     elif quantity == "time" and len(values) > 10 > 2 * len({*values.tolist()}):
         unknown = f"{values[0]:.10g} and hardly another: it was written with too few digits"
     if unknown:
@@ -203,8 +205,8 @@ def no_reading(values: Array) -> float:
     """Return what a radio says of nothing: the largest, often there, and by half above all others; inf if none is."""
     largest = np.max(values, initial=0.0)
     others = values[values < largest]
-    often = len(values) - len(others) >= max(10, 0.005 * len(values))
-    return float(largest) if often and largest >= 1.5 * np.max(others, initial=0.0) else np.inf
+    often = len(values) > len(values) - len(others) >= max(10, 0.005 * len(values))
+    return float(largest) if often and largest >= 1.5 * np.max(others) else np.inf
 
 
 def _turn_rate(table: CsvTable, column: str) -> float:

@@ -393,7 +393,7 @@ def _draft_table(
         places = Entry("places", _places_of(part), f"{files[0]} has names and places, and no stamps")
         return DraftTable(table, (places,))
     pattern, named = naming.file_pattern(files, robots)
-    nodes, why_nodes = dict[str, str](), "these words and the names of the robots are alike"
+    nodes, why_nodes = dict[str, str](), "these words and the names of robots or places are alike"
     for words in (named, (*part.names("robot"), *part.names("other"))):
         nodes |= naming.match_names([word for word in words if naming.clean_name(word) not in fixed], robots)
     pairs = naming.pairs_of_robots(files, robots) if table in READINGS else {}
@@ -438,6 +438,9 @@ def _draft_table(
         column_entry(q, g) for q, g in columns.items() if q not in STAMPS and (q != "other" or table in READINGS)
     ]
     entries += _missing(part)
+    if table in READINGS:
+        numbered = [w for w in part.names("other") if w not in nodes and naming.clean_name(w) not in (*robots, *fixed)]
+        nodes |= naming.match_names(numbered, fixed)
     if nodes:
         entries.append(Entry("nodes", nodes, why_nodes, "likely"))
     return DraftTable(table, tuple(entries))
@@ -476,6 +479,9 @@ def _each_thing(table: str, each: Sequence[Guess], things: Sequence[str], robots
     for guess in each:
         ends = [name for name in things if naming.letters_of(guess.column).endswith(naming.letters_of(name))]
         columns |= {max(ends, key=len): guess} if ends else {}  # d_A0 is of A0, and not of 0
+    numbered = naming.match_names((guess.column for guess in each), [name for name in things if name not in robots])
+    if not columns and len(numbered) == len(each):  # d1 is of a1
+        columns = {numbered[guess.column]: guess for guess in each}
     if table == "sightings" or len(columns) < len(each):
         own = ", ".join(f'a{k} = "{g.column}"' for k, g in enumerate(each, 1))
         remedy = f"write [{table}] with each = {{ {own} }}, and [anchors] with places = {{ a1 = [X, Y], ... }}"
@@ -484,7 +490,9 @@ def _each_thing(table: str, each: Sequence[Guess], things: Sequence[str], robots
     if len(patterns) == 1 and {*columns} <= {*robots}:
         pattern, guess = patterns.popitem()
         return column_entry(table.removesuffix("s"), guess._replace(column=pattern))
-    return Entry("each", {name: _column(g) for name, g in columns.items()}, "columns end with a name", "likely")
+    return Entry(
+        "each", {name: _column(g) for name, g in columns.items()}, "they end with a name or its number", "likely"
+    )
 
 
 def _places_of(part: TablePart) -> dict[str, list[float]]:

@@ -215,6 +215,28 @@ def test_columns_for_each_robot_and_anchor_stand_beside_those_of_pairs(tmp_path)
     }
 
 
+def test_anchors_are_meant_by_their_numbers(team):
+    places = pd.DataFrame({"id": ["a1", "a2"], "x": [0.0, 8.0], "y": [0.0, 8.0]})
+
+    def lines(files):
+        ranges = [files["uwb.csv"].assign(to=k, range=9.0) for k in (1, 2)]
+        return {**files, "anchors.csv": places, "uwb.csv": pd.concat(ranges).sort_values("time")}
+
+    def columns(files):
+        own = files.pop("uwb.csv").drop(columns=["to", "range"]).assign(d1=9.0, d2=9.0)
+        return {**files, "anchors.csv": places, "uwb.csv": own}
+
+    for change in (lines, columns):
+        readings = cl.inspect(team(change), again=True).inspected.log.readings["anchor_range"]
+        assert {*readings.other} == {0, 1}
+
+
+def test_positive_signal_strengths_are_named(team):
+    folder = team(lambda files: {**files, "uwb.csv": files["uwb.csv"].rename(columns={"range": "rssi"})})
+    unused = " ".join(cl.inspect(folder).inspected.unused)
+    assert "its values are positive, and dBm are below 0" in unused
+
+
 def test_beside_a_robot_by_its_name_a_number_is_of_no_robot():
     assert match_names(["robot1", "robot2", "a1", "a2"], ["robot1", "robot2"]) == {}
     assert match_names(["1", "2"], ["robot1", "robot2"]) == {"1": "robot1", "2": "robot2"}
