@@ -186,12 +186,14 @@ def test_a_strict_run_refuses_what_another_reads_around_and_says_that_trials_are
     describe(lab, ("seconds = 60.0", "seconds = 6.0"))
     odometry = sorted(lab.glob("odom*.csv"))[0]
     odometry.write_text(odometry.read_text() + "12.3,torn")
-    options = {"data": lab, "estimators": "dead-reckoning,constant", "out": tmp_path / "run"}
+    options = {"data": lab, "estimators": "dead-reckoning,constant,mrsl-rssi", "out": tmp_path / "run"}
     with pytest.raises(BadInput, match=rf"{odometry.name}.*: mend the recording, or leave out --strict$"):
         cl.run_study("log", **options, strict=True)
     assert not (tmp_path / "run").exists()
     assert not len(cl.run_study("log", **options, trials=3).failures)
-    assert "trials of a recording are its runs, not the 3 asked for: log/all has 1\n" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert "trials of a recording are its runs, not the 3 asked for: log/all has 1\n" in said
+    assert "left out: mrsl-rssi[anchor_reading=any]: needs channel" in said  # it has no ranges to places
 
 
 def test_a_compressed_text_may_be_in_parts_and_cut_off(tmp_path):
