@@ -230,7 +230,6 @@ def check_turn_unit(c: CheckedLog, i: int) -> None:
 # shifts up to a minute or a third of the recording. A robot's odometry must fit its own truth best.
 
 LONGEST_SHIFT = 60.0  # [s]
-FEWEST_WINDOWS = 25  # that two series must have in common
 FITS = 0.5  # correlation from which odometry fits a truth
 OWN = 0.8  # correlation from which a truth is the robot's own, without comparing it with the others'
 EVIDENCE = 5.0  # standard errors that a shift, or a scale, must have
@@ -325,13 +324,15 @@ def _best_fit(m: motion.RobotMotion, truth: motion.SummedMotion) -> ClockFit:
     fits at every lap. -n/2 ln(1 - R^2) is the log-likelihood of n samples; as likely are those within EVIDENCE^2 / 2.
     """
     t, window = m.odometry.time, m.window
-    if len(t) < FEWEST_WINDOWS or not len(truth.time):
+    if len(t) < motion.FEWEST_WINDOWS or not len(truth.time):
         return ClockFit()
     edges = np.arange(t[0], t[-1], window)
-    measured = _drop_jumps(m.steps(m.odometry, edges))
+    measured = motion.drop_jumps(m.steps(m.odometry, edges))
 
     def correlations(shifts: Array) -> Array:
-        return np.array([_agreement(measured, _drop_jumps(m.steps(truth, edges + shift))) for shift in shifts])
+        return np.array(
+            [motion.agreement(measured, motion.drop_jumps(m.steps(truth, edges + shift))) for shift in shifts]
+        )
 
     longest = min(LONGEST_SHIFT, min(t[-1] - t[0], truth.time[-1] - truth.time[0]) / 3)
     count = int(2 * longest / window)
@@ -348,38 +349,6 @@ def _best_fit(m: motion.RobotMotion, truth: motion.SummedMotion) -> ClockFit:
     with_it, without = np.arctanh(np.clip([sharp[best], unshifted], -0.999, 0.999))
     windows = max(int(np.isfinite(measured.length).sum()) - 3, 1)
     return ClockFit(float(fine[best]), float(sharp[best]), unshifted, float((with_it - without) * np.sqrt(windows / 2)))
-
-
-def _agreement(measured: motion.Steps, true: motion.Steps) -> float:
-    """Return the correlation of moves over all turns and reflections; else of lengths and turns of any sign.
-
-    The first is the nuclear norm of the moves' products; of the second 1 - R^2 = (1 - r^2) (1 - s^2).
-    """
-    if np.isfinite(measured.move).any():
-        known = np.isfinite(measured.move).all(axis=1) & np.isfinite(true.move).all(axis=1)
-        a, b = measured.move[known].T, true.move[known].T
-        scale = np.sqrt((a**2).sum() * (b**2).sum())
-        return float(np.linalg.norm(a @ b.T, "nuc") / scale) if known.sum() >= FEWEST_WINDOWS and scale > 0 else 0.0
-    r, s = max(_correlation(measured.length, true.length), 0.0), _correlation(measured.turn, motion.true_turns(true))
-    return float(np.sqrt(1 - (1 - r**2) * (1 - s**2)))
-
-
-def _correlation(a: Array, b: Array) -> float:
-    """Return Pearson's correlation over the samples known to both; 0 of too few or of a constant."""
-    known = np.isfinite(a) & np.isfinite(b)
-    if known.sum() < FEWEST_WINDOWS:
-        return 0.0
-    a, b = a[known], b[known]
-    scale = a.std() * b.std()
-    return float(((a - a.mean()) * (b - b.mean())).mean() / scale) if scale > 1e-12 else 0.0
-
-
-def _drop_jumps(steps: motion.Steps) -> motion.Steps:
-    """Return the steps with those longer than ten times the mean as not known."""
-    length = np.abs(steps.length)
-    known = length[np.isfinite(length)]
-    jump = length > 10 * known.mean() if len(known) else np.zeros(len(length), bool)
-    return motion.Steps(*(np.where(jump if part.ndim == 1 else jump[:, None], np.nan, part) for part in steps))
 
 
 # --- Positions that cannot be

@@ -184,6 +184,41 @@ def dead_reckoned(log: TeamLog, robot: int) -> Array | None:
     return np.concatenate([start[None, :2], start[:2] + moved])
 
 
+FEWEST_WINDOWS = 25  # that two series must have in common
+
+
+def agreement(measured: Steps, true: Steps) -> float:
+    """Return the correlation of moves over all turns and reflections; else of lengths and turns of any sign.
+
+    The first is the nuclear norm of the moves' products; of the second 1 - R^2 = (1 - r^2) (1 - s^2).
+    """
+    if np.isfinite(measured.move).any():
+        known = np.isfinite(measured.move).all(axis=1) & np.isfinite(true.move).all(axis=1)
+        a, b = measured.move[known].T, true.move[known].T
+        scale = np.sqrt((a**2).sum() * (b**2).sum())
+        return float(np.linalg.norm(a @ b.T, "nuc") / scale) if known.sum() >= FEWEST_WINDOWS and scale > 0 else 0.0
+    r, s = max(correlation(measured.length, true.length), 0.0), correlation(measured.turn, true_turns(true))
+    return float(np.sqrt(1 - (1 - r**2) * (1 - s**2)))
+
+
+def correlation(a: Array, b: Array) -> float:
+    """Return Pearson's correlation over the samples known to both; 0 of too few or of a constant."""
+    known = np.isfinite(a) & np.isfinite(b)
+    if known.sum() < FEWEST_WINDOWS:
+        return 0.0
+    a, b = a[known], b[known]
+    scale = a.std() * b.std()
+    return float(((a - a.mean()) * (b - b.mean())).mean() / scale) if scale > 1e-12 else 0.0
+
+
+def drop_jumps(steps: Steps) -> Steps:
+    """Return the steps with those longer than ten times the mean as not known."""
+    length = np.abs(steps.length)
+    known = length[np.isfinite(length)]
+    jump = length > 10 * known.mean() if len(known) else np.zeros(len(length), bool)
+    return Steps(*(np.where(jump if part.ndim == 1 else jump[:, None], np.nan, part) for part in steps))
+
+
 def quantile(values: Array, share: float, fewest: int = 1) -> float:
     """Return a quantile of the finite values; nan if there are fewer than `fewest`."""
     known = values[np.isfinite(values)]
