@@ -281,7 +281,8 @@ def _draw_speeds(ax: Axes, robot: int, log: TeamLog, kind: str) -> None:
         ax.set_ylim(0, (5 if kind == "jump" else 1.6) * highest or 1)
     unit = "speed, of its usual one" if kind in ("clock", "stale", "robots") else "speed, as read [m/s]"
     style.finish(ax, "time since the first sample [s]", unit)
-    ax.legend(frameon=False, fontsize="x-small", ncols=2, loc="upper right")
+    if highest:
+        ax.legend(frameon=False, fontsize="x-small", ncols=2, loc="upper right")
 
 
 def _draw_reading_errors(ax: Axes, one: Finding, log: TeamLog) -> None:

@@ -7,6 +7,7 @@ comes from the truth, which would otherwise reach the estimators that are judged
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -90,6 +91,7 @@ def check_recording(log: TeamLog) -> CheckedLog:
     check_robots(check_stale, check_jumps)
     check_range_units(c)
     check_robots(check_compass_frame if log.odometry_kind == "displacement" else check_frame)
+    check_delays(c)
     check_biases(c)
     check_bearings(c)
     return c
@@ -485,7 +487,7 @@ def check_compass_frame(c: CheckedLog, i: int) -> None:
         return
     follows, offset = motion.concentration(wrap(motion.course(true) - motion.course(measured)))
     opposes, mirror = motion.concentration(wrap(motion.course(true) + motion.course(measured)))
-    if max(follows, opposes) < FOLLOWS / 2:
+    if 0 < max(follows, opposes) < FOLLOWS / 2:  # 0: of too few
         fact = f"the positions move elsewhere than dx, dy (agreement {follows:.2f}), which are perhaps ahead and left"
         setting = 'with a column of turns kind = "increment", turn = "..."'
         c.add("frame", i, c.log.odometry[i].source, fact, "sure", setting, "odometry", ("dx", "dy"))
@@ -526,6 +528,26 @@ def check_range_units(c: CheckedLog) -> None:
             fact, setting = f"ranges are {ratio:.3g} times the distances", f'unit = "{unit[1]}"'
             c.add("unit", None, readings.source, fact, "sure", setting, motion.TABLES[channel], ("range",))
             c.correct(channel, None, divide_columns(readings, unit[2], (0,)))
+
+
+LONGEST_DELAY, LEAST_DELAY = 5.0, 0.1  # [s] of ranges against the truth
+SHARPER = 0.7  # times the spread of ranges about the distances, from which a shift of their stamps is believed
+
+
+def check_delays(c: CheckedLog) -> None:
+    """Find ranges with shifted stamps: with their shift they spread least about the distances."""
+    for channel, readings in motion.range_channels(c.log):
+        spread = partial(motion.range_spread, c.log, channel)
+        shift, now, longest = 0.0, spread(0.0), min(LONGEST_DELAY, float(np.ptp(readings.time)) / 10)
+        for width, count in ((longest, 101), (longest / 50, 21)) if np.isfinite(now) else ():
+            shift = float(min(shift + width * np.linspace(-1, 1, count), key=spread))
+        if abs(shift) >= LEAST_DELAY and spread(shift) < SHARPER * now:
+            fact = (
+                f"stamps of ranges are {-shift:+.3g} s from the truth's: ranges spread by {now:.2g} m about distances"
+            )
+            fact += f", and by {spread(shift):.2g} m without that"
+            c.add("clock", None, readings.source, fact, "likely", f"clock_offset = {shift:.3g}", motion.TABLES[channel])
+            c.correct(channel, None, readings._replace(time=readings.time + shift))
 
 
 def check_biases(c: CheckedLog) -> None:

@@ -271,6 +271,22 @@ def distances(log: TeamLog, channel: Channel) -> Array:
     return np.where(distance > NEAREST, distance, np.nan)
 
 
+def range_spread(log: TeamLog, channel: Channel, shift: float) -> float:
+    """Return how ranges with stamps so much later [s] spread [m] about distances and a bias a pair; inf of too few."""
+    readings = log.readings[channel]
+    every = slice(None, None, 1 + len(readings.time) // 2000)
+    some = readings._replace(
+        time=readings.time[every] + shift,
+        robot=readings.robot[every],
+        other=readings.other[every],
+        values=readings.values[every],
+    )
+    off = some.values[:, 0] - distances(log._replace(readings={channel: some}), channel)
+    if np.isfinite(off).sum() < max(FEWEST, len(off) / 4):
+        return np.inf
+    return robust_sd(np.concatenate([off[rows] - quantile(off[rows], 0.5) for _, _, rows in pairs(some, channel)]))
+
+
 def bearings(log: TeamLog, channel: Channel) -> Array:
     """Return the true direction (m,) [rad] to what was seen, from straight ahead; nan where it is not known."""
     here, there = sampling.ends(log, channel)

@@ -115,6 +115,7 @@ FAULTS = {
     "moves ahead": ("frame", "r1", "trajectory", series("odometry", 1, lambda t, v: (t, np.c_[np.hypot(*v.T), 0 * t]))),
     "truths exchanged": ("robots", "r0", "trajectory", lambda g: g._replace(truth=(*g.truth[1::-1], *g.truth[2:]))),
     "ranges in mm": ("unit", "", "trajectory", readings(RANGES, "values", lambda r: 1e3 * r.values)),
+    "clock of ranges": ("clock", "", "trajectory", readings(RANGES, "time", lambda r: r.time + 1.5)),
     "bearings in degrees": ("degrees", "", "camera", readings(RANGES, "values", lambda r: r.values * [1, DEGREES])),
     "bearings to the right": ("bearing", "", "camera", readings(RANGES, "values", lambda r: r.values * [1, -1])),
     "stale positions": ("stale", "r1", "trajectory", series("truth", 1, repeat)),
