@@ -251,11 +251,8 @@ def check_clocks(c: CheckedLog) -> None:
 
     With no time in common, odometry and truth are taken to begin together.
     """
-    motions, robots, truths = (
-        [motion.robot_motion(c.log, i) for i in range(len(c.log.robots))],
-        c.log.robots,
-        c.log.truth,
-    )
+    robots, truths = c.log.robots, c.log.truth
+    motions = [motion.robot_motion(c.log, i) for i in range(len(robots))]
     own = {i: _best_fit(m, m.truth) for i, m in enumerate(motions) if motion.moves(c.log, i)}
     for i, (j, correlation) in _find_exchanged(motions, own).items():
         fact = f"odometry of {robots[i]} fits the truth of {robots[j]} (correlation {correlation:.2f}), not its own"
@@ -597,6 +594,9 @@ def check_bearings(c: CheckedLog) -> None:
             fact = f"bearings grow to the right (agreement {opposes:.2f}, {follows:.2f} to the left)"
             c.add("bearing", None, readings.source, fact, "sure", "write -bearing into the files", *place)
             c.correct(channel, None, divide_columns(readings, -1.0, (1,)))
+        elif follows < FOLLOWS < (agrees := motion.concentration(bearing - motion.bearings(c.log, channel, True))[0]):
+            fact = f"bearings are from the x axis of the map, not from straight ahead (agreement {agrees:.2f})"
+            c.add("bearing", None, readings.source, fact, "sure", "subtract the heading in the files", *place)
         elif follows > FOLLOWS and abs(offset) > CAMERA_OFFSET:
             degrees = np.degrees(offset)
             fact = f"bearings are {degrees:+.0f} deg from the true directions (agreement {follows:.2f})"

@@ -165,6 +165,8 @@ def _lack(file: CsvTable) -> str:
         why = next((g.reason for g in file.guesses if naming.name_meaning(g.column)[0] in ("time", "sec")), "time")
         return "" if _parts(file) else f"no column of it holds stamps ({why})"
     reasons: dict[str, list[str]] = {}
+    if alone := [g.column for g in file.guesses if g.quantity == "bearing"]:
+        reasons["bearings are read beside ranges alone"] = alone
     for g in file.guesses:
         if not g.quantity and g.reason != PART:
             reasons.setdefault(g.reason, []).append(g.column)

@@ -287,11 +287,11 @@ def range_spread(log: TeamLog, channel: Channel, shift: float) -> float:
     return robust_sd(np.concatenate([off[rows] - quantile(off[rows], 0.5) for _, _, rows in pairs(some, channel)]))
 
 
-def bearings(log: TeamLog, channel: Channel) -> Array:
-    """Return the true direction (m,) [rad] to what was seen, from straight ahead; nan where it is not known."""
+def bearings(log: TeamLog, channel: Channel, of_map: bool = False) -> Array:
+    """Return the true direction (m,) [rad] to what was seen, from straight ahead, or from x; nan where unknown."""
     here, there = sampling.ends(log, channel)
     x, y = (there - here[:, :2]).T
-    return wrap(np.arctan2(y, x) - here[:, 2])
+    return wrap(np.arctan2(y, x) - here[:, 2] * (not of_map))
 
 
 def range_channels(log: TeamLog) -> Iterator[tuple[Channel, ReadingSeries]]:

@@ -7,6 +7,7 @@ import cooploc as cl
 from cooploc.scenarios.recordings.inspect.checks import check_recording
 from cooploc.scenarios.recordings.inspect.inspection import count_measurements, series_rows
 from cooploc.scenarios.recordings.inspect.motion import dead_reckoned
+from cooploc.scenarios.recordings.sampling import ends
 from cooploc.scenarios.recordings.team_log import Places, ReadingSeries, Series, TeamLog
 
 WORLDS = {"camera": 600, "no-compass": 300, "trajectory": 300}  # family -> ticks
@@ -98,6 +99,12 @@ def bias(r):
     return r.values + np.where(r.robot + r.other == 1, 0.3, 0.0)[:, None] * np.eye(1, r.values.shape[1])
 
 
+def of_map(log):
+    seen = log.readings["sighting"]
+    turned = seen.values + np.column_stack([0 * seen.time, ends(log, "sighting")[0][:, 2]])
+    return log._replace(readings={**log.readings, "sighting": seen._replace(values=turned)})
+
+
 RANGES, DEGREES = ("range", "sighting"), 180 / np.pi
 COMPASS = series("truth", 1, lambda t, v: (t, np.column_stack([v[:, :2], np.pi / 2 - v[:, 2]])))
 # fault -> (kind of the finding, robot whose data it is or "", a world where it can be seen, how it is planted)
@@ -118,6 +125,7 @@ FAULTS = {
     "clock of ranges": ("clock", "", "trajectory", readings(RANGES, "time", lambda r: r.time + 1.5)),
     "bearings in degrees": ("degrees", "", "camera", readings(RANGES, "values", lambda r: r.values * [1, DEGREES])),
     "bearings to the right": ("bearing", "", "camera", readings(RANGES, "values", lambda r: r.values * [1, -1])),
+    "bearings of the map": ("bearing", "", "camera", of_map),
     "stale positions": ("stale", "r1", "trajectory", series("truth", 1, repeat)),
     "a leap": ("jump", "r1", "trajectory", series("truth", 1, leap)),
     "a gap": ("gap", "r1", "trajectory", series("truth", 1, gap)),
