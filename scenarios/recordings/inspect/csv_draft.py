@@ -441,7 +441,7 @@ def _draft_table(
     ]
     entries += _missing(part)
     if table in READINGS:
-        numbered = [w for w in part.names("other") if w not in nodes and naming.clean_name(w) not in (*robots, *fixed)]
+        numbered = [w for w in part.names("other") if w.isdigit() and w not in (*nodes, *robots, *fixed)]
         nodes |= naming.match_names(numbered, fixed)
     if nodes:
         entries.append(Entry("nodes", nodes, why_nodes, "likely"))
@@ -481,8 +481,9 @@ def _each_thing(table: str, each: Sequence[Guess], things: Sequence[str], robots
     for guess in each:
         ends = [name for name in things if naming.letters_of(guess.column).endswith(naming.letters_of(name))]
         columns |= {max(ends, key=len): guess} if ends else {}  # d_A0 is of A0, and not of 0
-    numbered = naming.match_names((guess.column for guess in each), [name for name in things if name not in robots])
-    if not columns and len(numbered) == len(each):  # d1 is of a1
+    named = [guess.column for guess in each]
+    numbered = naming.match_names(named, [name for name in things if name not in robots])
+    if not columns and len(numbered) == len(each) and not naming.match_names(named, robots):  # d1 is of a1
         columns = {numbered[guess.column]: guess for guess in each}
     if table == "sightings" or len(columns) < len(each):
         own = ", ".join(f'a{k} = "{g.column}"' for k, g in enumerate(each, 1))

@@ -215,6 +215,11 @@ def test_columns_for_each_robot_and_anchor_stand_beside_those_of_pairs(tmp_path)
     }
 
 
+def numbered(files):
+    """The robots are 1 and 2."""
+    return {name.replace("red", "robot1").replace("blue", "robot2"): table for name, table in files.items()}
+
+
 def test_anchors_are_meant_by_their_numbers(team):
     places = pd.DataFrame({"id": ["a1", "a2"], "x": [0.0, 8.0], "y": [0.0, 8.0]})
 
@@ -229,6 +234,8 @@ def test_anchors_are_meant_by_their_numbers(team):
     for change in (lines, columns):
         readings = cl.inspect(team(change), again=True).inspected.log.readings["anchor_range"]
         assert {*readings.other} == {0, 1}
+    found = cl.inspect(team(lambda files: numbered(columns(files))), again=True).inspected
+    assert "anchor_range" not in found.log.readings  # d1 may be of robot 1
 
 
 def test_positive_signal_strengths_are_named(team):
