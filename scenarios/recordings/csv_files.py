@@ -156,10 +156,11 @@ def read_motion(run: RunFiles, table: Odometry | GroundTruth) -> Mapping[str, Se
             mine = np.flatnonzero([name == robot for name in rows.robot])
             if robot in run.description.robots and robot not in found:
                 values = rows.values[mine]
-                if steps and columns[1] is None:
-                    values[:, 1] = 0.0  # no motion to the side
+                if steps:
+                    values[:, 1] = 0.0 if columns[1] is None else values[:, 1]  # no motion to the side
+                    values[np.isnan(values[:, 2])] = np.nan  # of a step without its turn nothing is known
                 found[robot], notes = order_series(rows.time[mine], values, str(rows.path))
-                if steps and len(values):
+                if steps and len(found[robot].time):
                     found[robot] = found[robot]._replace(values=compose_poses(found[robot].values[1:]))
                 run.warnings.extend(notes)
             elif robot not in run.description.robots and robot not in strangers:

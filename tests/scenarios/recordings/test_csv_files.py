@@ -126,9 +126,13 @@ def test_increments_are_the_poses_that_they_lead_to(lab, sideways):
     table = np.column_stack([1.7e9 + 0.1 * np.arange(80), steps])
     np.savetxt(lab / "odom_red.csv", table, "%.9f", ",", header="t,ahead,left,turned", comments="")
     columns = 'dx = "ahead"\n' + 'dy = "left"\n' * (sideways > 0) + 'turn = "turned"'
-    log = read(lab, ('kind = "velocity"', 'kind = "increment"'), ('speed = "v"', columns), ('turn_rate = "w"', ""))
+    changes = ('kind = "velocity"', 'kind = "increment"'), ('speed = "v"', columns), ('turn_rate = "w"', "")
+    log = read(lab, *changes)
     assert log.odometry_kind == "pose"
     np.testing.assert_allclose(log.odometry[0].values, poses, atol=1e-6)
+    text = (lab / "odom_red.csv").read_text()
+    (lab / "odom_red.csv").write_text(text.rstrip().rpartition(",")[0] + ",\n")  # the last has no turn
+    np.testing.assert_allclose(read(lab, *changes).odometry[0].values, poses[:-1], atol=1e-6)
 
 
 def test_a_column_for_each_anchor_says_the_same(lab):
