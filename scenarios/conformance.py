@@ -270,7 +270,7 @@ class Harness:
         except (Exception, SystemExit, GeneratorExit) as e:
             tick = f"at tick {at[1]} of" if at[1] >= 0 else "before the first tick of"
             where = f"{at[0]}() raised {tick} {stream.scenario!r}{varied}"
-            raise CheckFailed(f"{where}: {one_line(e)}{place_of(e)}", remedy_of(str(e))) from e
+            raise CheckFailed(f"{where}: {one_line(e)}{place_of(e)}", remedy_of(one_line(e))) from e
         return RunRecord(found, tuple(packets), stream)
 
     def require_same(
@@ -611,6 +611,8 @@ REMEDIES: dict[Callable[[Harness], str], str] = {
 CAUSES = {  # words of an error -> what to change
     "covariance": REMEDIES[covariance],
     "not finite": REMEDIES[nan_safety],
+    "NaNs": REMEDIES[nan_safety],
+    "KeyError": "world.sensors and z.extra hold the channels that `uses` names, and no others",
     "read-only": "inputs are read-only: copy an array before you write to it",
     "shape": "cooploc.estimators.interface has the shape of every array",
     "needs channel": "name in `uses` what these worlds have: 'a|b' is the first that there is, 'a?' one that may lack",
