@@ -180,10 +180,12 @@ def compose_poses(steps: Array) -> Array:
 
     x' = x + R(heading) dx, heading' = heading + turn.
     """
-    heading = np.concatenate([[0.0], np.cumsum(steps[:, 2])])
-    (dx, dy), (c, s) = steps[:, :2].T, (np.cos(heading[:-1]), np.sin(heading[:-1]))
-    move = np.stack([c * dx - s * dy, s * dx + c * dy], -1)
-    return np.column_stack([np.concatenate([np.zeros((1, 2)), np.cumsum(move, axis=0)]), heading])
+    poses = [(0.0, 0.0, 0.0)]
+    for dx, dy, turn in steps.tolist():
+        x, y, heading = poses[-1]
+        c, s = np.cos(heading), np.sin(heading)
+        poses.append((x + c * dx - s * dy, y + s * dx + c * dy, heading + turn))
+    return np.array(poses)
 
 
 # ---- A team's log, put together from what a reader found
