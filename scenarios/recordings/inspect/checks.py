@@ -90,7 +90,7 @@ def check_recording(log: TeamLog) -> CheckedLog:
     check_clocks_of_readings(c)
     check_robots(check_stale, check_jumps)
     check_range_units(c)
-    check_robots(check_compass_frame if log.odometry_kind == "displacement" else check_frame)
+    check_robots(check_compass_frame if log.odometry_kind == "displacement" else check_frame, check_sideways)
     check_delays(c)
     check_biases(c)
     check_bearings(c)
@@ -475,6 +475,24 @@ def check_frame(c: CheckedLog, i: int) -> None:
         sure = "sure" if headed and follows > FOLLOWS else "likely"
         c.add("turn sign", i, c.log.odometry[i].source, fact, sure, setting, "odometry", names)
         c.correct("odometry", i, divide_columns(c.log.odometry[i], -1.0, columns))
+
+
+def check_sideways(c: CheckedLog, i: int) -> None:
+    """Find poses by odometry that go elsewhere than their own heading, forwards or backwards."""
+    if c.log.odometry_kind != "pose" or not motion.moves(c.log, i):
+        return
+    odometry, window = c.log.odometry[i], motion.robot_motion(c.log, i).window
+    edges = np.arange(odometry.time[0], odometry.time[-1], window)
+    columns = (*odometry.values[:, :2].T, np.unwrap(odometry.values[:, 2]))
+    x, y, heading = (np.interp(edges, odometry.time, column) for column in columns)
+    course = motion.course(np.column_stack([np.diff(x), np.diff(y)]))
+    follows, _ = motion.concentration(2 * (course - (heading[1:] + heading[:-1]) / 2))
+    if 0 < follows < FOLLOWS / 2:
+        fact = (
+            f"odometry goes elsewhere than its own heading (agreement {follows:.2f}): steps are perhaps along the axes"
+        )
+        setting = 'of steps kind = "displacement", without turn; else write poses with the heading of the motion'
+        c.add("frame", i, odometry.source, fact, "likely", setting, "odometry")
 
 
 def check_compass_frame(c: CheckedLog, i: int) -> None:

@@ -363,6 +363,16 @@ def odometry_that_began_again(files):
     return files
 
 
+def steps_along_the_axes(files):
+    """Steps with turns, not ahead but along the axes of the truth."""
+    for robot in ROBOTS:
+        both = files[f"odom_{robot}.csv"]
+        heading = files[f"truth_{robot}.csv"]["theta"][0] + 0.1 * np.cumsum(both["omega"])
+        steps = 0.1 * both.pop("v").to_numpy() * np.array([np.cos(heading), np.sin(heading)])
+        both["dx"], both["dy"], both["dtheta"] = *steps, 0.1 * both.pop("omega")
+    return files
+
+
 def later_ranges(files):
     return {**files, "uwb.csv": files["uwb.csv"].assign(time=lambda t: t["time"] + 5000)}
 
@@ -392,6 +402,7 @@ def delayed(files):
         (frozen, {"stale"}, '[truth] repeats = "stale"'),
         (decimetres, {"unit"}, '[ranges] range: unit = "cm"'),
         (odometry_that_began_again, {"jump"}, "[odometry] x, y: make a run of each part"),
+        (steps_along_the_axes, {"frame"}, '[odometry] of steps kind = "displacement"'),
     ],
 )
 def test_a_fault_of_the_files_is_found_as_what_it_is(team, change, kinds, setting):
