@@ -20,7 +20,8 @@ pytestmark = [
 ]
 MANY = {f"estimator-{i}[particles={100 * i},own=rssi]": (0.3 + 0.05 * i, 0.6 + 0.2 * i) for i in range(14)}
 # A frame has the wanted width where a window of the browser has a least one; what it holds keeps its own policy.
-FRAME = """<body style="margin:0"><iframe style="border:0;width:{width}px;height:9000px" srcdoc="{page}"></iframe>"""
+FRAME = """<meta charset="utf-8"><body style="margin:0">
+<iframe style="border:0;width:{width}px;height:9000px" srcdoc="{page}"></iframe>"""
 SCRIPT = """<pre id="result"></pre><script>
 const frame = document.querySelector("iframe");
 const errors = [];
@@ -71,7 +72,7 @@ def chromium(folder, *options):
 def frame(report, width, script=""):
     """Write a page that holds the report in a frame of that width; return its address."""
     file = report.parent / f"frame{width}.html"
-    file.write_text(FRAME.format(width=width, page=html.escape(report.read_text())) + script)
+    file.write_text(FRAME.format(width=width, page=html.escape(report.read_text("utf-8"))) + script, "utf-8")
     return file.as_uri()
 
 
