@@ -482,6 +482,8 @@ def check_sideways(c: CheckedLog, i: int) -> None:
     if c.log.odometry_kind != "pose" or not motion.moves(c.log, i):
         return
     odometry, window = c.log.odometry[i], motion.robot_motion(c.log, i).window
+    if len(odometry.time) < 2:
+        return
     edges = np.arange(odometry.time[0], odometry.time[-1], window)
     columns = (*odometry.values[:, :2].T, np.unwrap(odometry.values[:, 2]))
     x, y, heading = (np.interp(edges, odometry.time, column) for column in columns)

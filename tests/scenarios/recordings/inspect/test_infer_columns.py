@@ -81,6 +81,7 @@ def test_stamps_have_the_unit_of_their_size_since_1970_or_of_their_interval(tmp_
         ("heading", np.linspace(-170, 170, LINES), "deg"),
         ("x", np.linspace(0, 5000, LINES), "mm"),
         ("x", np.linspace(0, 500, LINES), "cm"),
+        ("range", np.where(np.arange(LINES) % 4, np.linspace(1, 9, LINES), 9999), "m"),  # 9999: none was measured
         ("omega", np.linspace(-60, 60, LINES), "deg/s"),
         ("v", np.linspace(0, 500, LINES), "mm/s"),
     ],
