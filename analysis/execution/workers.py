@@ -83,6 +83,16 @@ class Task:
             return [replace(self, trials=range(trial, trial + 1)) for trial in self.trials]
         return []
 
+    def halves(self) -> "list[Task]":
+        """Return two tasks of every other estimator, as neighbours cost much the same; one where there is only one."""
+        parts = filter(None, (self.estimators[::2], self.estimators[1::2]))
+        return [replace(self, estimators=some) for some in parts]
+
+    @property
+    def size(self) -> int:
+        """Its share of the work, roughly."""
+        return len(self.trials) * self.scenario.robots * len(self.estimators)
+
     def __reduce__(self) -> tuple[Callable[..., "Task"], tuple[Any, ...]]:
         labels = [one.label for one in self.estimators]
         rest = self.trials, self.seed, labels, self.time_limit, self.isolate
@@ -233,7 +243,7 @@ def make_workers(jobs: int, scheduler: str | None, isolate: bool) -> Iterator[Co
 
 def compute_in_parallel(processes: Processes, tasks: list[Task]) -> Iterator[MeasuredPart]:
     """Yield the parts of every task, as they come; where a worker dies, those that were running run again, alone."""
-    waiting, running = deque(tasks), dict[Future[Any], Task]()
+    waiting, running = deque(split_tasks(tasks, 2 * processes.window)), dict[Future[Any], Task]()
     while waiting or running:
         while waiting and len(running) < processes.window:
             task = waiting.popleft()
@@ -250,6 +260,20 @@ def compute_in_parallel(processes: Processes, tasks: list[Task]) -> Iterator[Mea
                     yield from _compute_alone(processes, suspect)
                 break
         processes.require_alive()
+
+
+def split_tasks(tasks: list[Task], least: int) -> list[Task]:
+    """Return the tasks; of too few for all processes the largest are halved, so that a single recording keeps all busy.
+
+    Halves simulate or read the same stream, and estimate the same bits.
+    """
+    while 0 < len(tasks) < least:
+        tasks = sorted(tasks, key=lambda task: (len(task.estimators) > 1, task.size), reverse=True)
+        halves = tasks[0].halves()
+        if len(halves) == 1:
+            break
+        tasks = [*halves, *tasks[1:]]
+    return sorted(tasks, key=lambda task: task.size, reverse=True) if len(tasks) <= least else tasks
 
 
 def _compute_alone(processes: Processes, task: Task) -> Iterator[MeasuredPart]:

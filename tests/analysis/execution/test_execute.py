@@ -12,6 +12,7 @@ from cooploc import estimators
 from cooploc.analysis.execution import run
 from cooploc.analysis.execution.run import execute, prepare
 from cooploc.analysis.execution.run_directory import PartKey
+from cooploc.analysis.execution.workers import split_tasks
 from cooploc.estimators.dead_reckoning import DeadReckoning
 from cooploc.scenarios.studies.study import Study
 
@@ -43,6 +44,16 @@ def test_two_processes_give_the_bits_of_one(finished, tmp_path):
     again = execute(prepare(STUDY), tmp_path / "two", jobs=2)
     assert parts(tmp_path / "two") == parts(folder)
     pd.testing.assert_frame_equal(again.drop(columns="seconds"), rows.drop(columns="seconds"))
+
+
+def test_few_tasks_are_halved_and_lose_nothing():
+    (one, *_) = run.make_tasks(prepare(STUDY), (), (), isolate=True)
+    halves = split_tasks([one], 2)
+    assert [len(task.estimators) for task in halves] == [2, 1]
+    pieces = split_tasks([one], 9)
+    assert sorted(task.estimators[0].label for task in pieces) == sorted(STUDY.estimators)
+    assert split_tasks([one] * 3, 3) == [one] * 3
+    assert split_tasks([], 3) == []
 
 
 def test_rows_are_those_of_the_library_calls(finished):
