@@ -10,6 +10,7 @@ import numpy as np
 
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array
+from cooploc.estimators.models import wrap
 from cooploc.scenarios.recordings import schema
 from cooploc.scenarios.recordings.schema import (
     GroundTruth,
@@ -18,6 +19,7 @@ from cooploc.scenarios.recordings.schema import (
     ReadingColumns,
     Source,
     TeamDescription,
+    Turns,
 )
 from cooploc.scenarios.recordings.team_log import (
     Measured,
@@ -74,6 +76,13 @@ def read_run(place: Path, name: str, description: TeamDescription) -> TeamLog:
         run = run._replace(zero=np.asarray(rows.stamp[known[0]], float))
         zero = float((run.zero * np.array([column.factor for column in moves.time])).sum())
     odometry, truth = read_motion(run, moves), read_motion(run, poses) if poses else {}
+    if d.turns:
+        turns = read_motion(run, d.turns)
+        odometry = {
+            robot: with_turns(series, turns[robot], d.turns.heading is not None, moves.kind, d.sample.max_hold)
+            for robot, series in odometry.items()
+            if robot in turns
+        }
     readings = {
         kind: [m for table in tables for m in read_measurements(run, table, (*d.robots, *fixed.names))]
         for kind, tables, fixed in reading_tables(d)
@@ -144,10 +153,13 @@ def _heading(*xyzw: Array) -> Array:
     return np.asarray(np.arctan2(2 * (w * z + x * y), w**2 + x**2 - y**2 - z**2))
 
 
-def read_motion(run: RunFiles, table: Odometry | GroundTruth) -> Mapping[str, Series]:
-    """Return the odometry or the truth of each robot, from the first file that has lines of it."""
-    names = schema.COLUMNS[table.kind if isinstance(table, Odometry) else "pose"]
-    columns = [getattr(table, name) for name in names]
+def read_motion(run: RunFiles, table: Odometry | Turns | GroundTruth) -> Mapping[str, Series]:
+    """Return the odometry, its turns or the truth of each robot, from the first file that has lines of it."""
+    if isinstance(table, Turns):
+        columns = [table.turn_rate or table.heading]
+    else:
+        names = schema.COLUMNS[table.kind if isinstance(table, Odometry) else "pose"]
+        columns = [getattr(table, name) for name in names if name != "turn_rate" or getattr(table, name)]
     steps = isinstance(table, Odometry) and table.kind == "increment"
     found: dict[str, Series] = {}
     strangers = set[str]()
@@ -168,6 +180,31 @@ def read_motion(run: RunFiles, table: Odometry | GroundTruth) -> Mapping[str, Se
                 left_out = f"{len(mine)} lines of {short_repr(robot)}, which is not in `robots`, were left out"
                 run.warnings.append(f"{rows.path}: {left_out}")
     return found
+
+
+def with_turns(moves: Series, turns: Series, are_headings: bool, kind: str, hold: float) -> Series:
+    """Return odometry with the turns of another sensor: lines at the stamps of both, each value held until the next.
+
+    `moves` is speeds (m, 1) [m/s], or with kind "path" metres driven, which are interpolated; `turns` is turn rates
+    (n, 1) [rad/s], or headings [rad]. Nothing is held for longer than `hold` [s].
+    """
+    source, first = f"{moves.source}, {turns.source}", moves.values[:, 0]
+    if not len(moves.time) or not len(turns.time):
+        return Series(np.empty(0), np.empty((0, 2)), source)
+    rate, time = turns.values[:, 0], np.union1d(moves.time, turns.time)
+    if are_headings:
+        rate = np.append(wrap(np.diff(rate)) / np.diff(turns.time), 0.0)
+
+    def held(at: Array, values: Array) -> Array:
+        last = np.searchsorted(at, time, "right") - 1
+        return np.where((last >= 0) & (time - at[last] <= hold), values[last], np.nan)
+
+    moved = np.interp(time, moves.time, first, np.nan, np.nan) if kind == "path" else held(moves.time, first)
+    values = np.stack([moved, held(turns.time, rate)], -1)
+    both = np.isfinite(values).all(-1)
+    if not both.any():
+        raise BadInput(f"{source}: they have no time in common; correct time or clock_offset in [turns] of log.toml")
+    return Series(time[both], values[both], source)
 
 
 def read_measurements(run: RunFiles, table: ReadingColumns, names: Sequence[str]) -> Iterator[Measured]:

@@ -14,6 +14,11 @@ file is in SI units, else `{column = "x", unit = "mm"}`:
     speed = "v"
     turn_rate = { column = "w", unit = "deg/s" }
 
+    [turns]                           # instead of turn_rate above, where another sensor has files of its own
+    file = "imu_{robot}.csv"
+    time = "t"
+    turn_rate = "gz"                  # or heading = "yaw"
+
     [truth]                           # files of its own, with its own clock
     file = "mocap_{robot}.csv"
     clock_offset = 0.0                # [s] added to its stamps
@@ -197,7 +202,7 @@ class Odometry(Source):
         needed = COLUMNS[self.kind] if self.in_files else ()
         every = sorted({name for names in COLUMNS.values() for name in names})
         given = {name for name in every if getattr(self, name) is not None}
-        may_lack = {"dy"} if self.kind == "increment" else set[str]()
+        may_lack = {"increment": {"dy"}, "velocity": {"turn_rate"}, "path": {"turn_rate"}}.get(self.kind, set[str]())
         if not {*needed} - may_lack <= given <= {*needed}:
             takes, has = (", ".join(names) or "no columns" for names in (needed, sorted(given)))
             raise ValueError(f"kind {self.kind!r} takes {takes}, not {has}")
@@ -211,6 +216,19 @@ COLUMNS: Mapping[str, tuple[str, ...]] = {  # of each kind of odometry
     "increment": ("dx", "dy", "turn"),
     "path": ("length", "turn_rate"),
 }
+
+
+class Turns(Source):
+    """Turn rates, or headings, of another sensor than the speeds', such as a gyroscope: with stamps of their own."""
+
+    turn_rate: TurnRate | None = None
+    heading: Angle | None = None
+
+    @model_validator(mode="after")
+    def _has_one_column(self) -> Self:
+        if not self.in_files or (self.turn_rate is None) == (self.heading is None):
+            raise ValueError('state file = "...", and either turn_rate or heading')
+        return self
 
 
 class GroundTruth(Source):
@@ -359,6 +377,7 @@ class TeamDescription(Strict):
     arena: tuple[Place, Place] | None = None  # lower left and upper right corner [m]; else 2 m around all fixed things
     set_ups: tuple[str, ...] = ("*",)  # runs whose names match one pattern had the same hardware and site
     odometry: Odometry | None = None
+    turns: Turns | None = None  # where [odometry] has no turn rates
     truth: GroundTruth | None = None
     ranges: Annotated[tuple[RangesTable, ...], Several] = ()
     rssi: Annotated[tuple[RssiTable, ...], Several] = ()
@@ -377,9 +396,13 @@ class TeamDescription(Strict):
             raise ValueError(f"format {self.format!r} has no table [odometry]")
         return self.odometry
 
+    @property
+    def _sources(self) -> list[Source]:
+        return [s for s in (self.odometry, self.turns, self.truth, *self.ranges, *self.rssi, *self.sightings) if s]
+
     @model_validator(mode="after")
     def _has_sources(self) -> Self:
-        sources = [s for s in (self.odometry, self.truth, *self.ranges, *self.rssi, *self.sightings) if s]
+        sources = self._sources
         if self.format not in ("csv", "bag"):
             if sources:
                 raise ValueError(
@@ -390,6 +413,10 @@ class TeamDescription(Strict):
             raise ValueError('robots is missing; name them: robots = ["red", "blue"]')
         if self.odometry is None:
             raise ValueError(f"[odometry] is missing; {EXAMPLE}")
+        columns = COLUMNS[self.odometry.kind] if self.odometry.in_files else ()
+        if ("turn_rate" in columns and self.odometry.turn_rate is None) != (self.turns is not None):
+            takes = f"kind {self.odometry.kind!r} takes {', '.join(columns) or 'no columns'}"
+            raise ValueError(f"{takes}; turn rates stand in [odometry], or in [turns] where they are in other files")
         for source in sources:
             if self.format == "csv" and not source.in_files:
                 raise ValueError('format = "csv" takes file = "..."')
@@ -407,10 +434,9 @@ class TeamDescription(Strict):
         twice = next((name for name in names if names.count(name) > 1), None)
         if twice is not None:
             raise ValueError(f"{twice!r} is the name of two things among robots, anchors and landmarks; rename one")
-        if self.sample.tick == "lines":
-            tables = (self.odometry, self.truth, *self.ranges, *self.rssi, *self.sightings)
-            if self.format != "csv" or len({(t.file, t.time) for t in tables if t}) > 1 or len(self.robots) != 1:
-                raise ValueError('tick = "lines" takes one robot, and one CSV file that has everything of a run')
+        together = self.format == "csv" and len({(t.file, t.time) for t in self._sources}) == 1
+        if self.sample.tick == "lines" and not (together and len(self.robots) == 1):
+            raise ValueError('tick = "lines" takes one robot, and one CSV file that has everything of a run')
         if self.arena and not all(low < high for low, high in zip(*self.arena, strict=True)):
             raise ValueError("arena is the lower left and the upper right corner [m]: arena = [[0, 0], [6, 4]]")
         return self
@@ -418,8 +444,11 @@ class TeamDescription(Strict):
 
 # ---- Reading a description; an error is one line that names key and remedy
 
-KINDS: tuple[type[Strict], ...] = (Odometry, GroundTruth, RangesTable, RssiTable, SightingsTable)
-NAMES = ("odometry", "truth", "ranges", "rssi", "sightings", "anchors", "landmarks", "sample", "prior", "fit", "model")
+KINDS: tuple[type[Strict], ...] = (Odometry, Turns, GroundTruth, RangesTable, RssiTable, SightingsTable)
+NAMES = (
+    *("odometry", "turns", "truth", "ranges", "rssi", "sightings"),
+    *("anchors", "landmarks", "sample", "prior", "fit", "model"),
+)
 TABLES: Mapping[str, type[Strict]] = dict(
     zip(NAMES, (*KINDS, PlacesTable, PlacesTable, Sample, Prior, Fit, Model), strict=True)
 )

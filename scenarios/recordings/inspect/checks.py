@@ -85,7 +85,7 @@ def check_recording(log: TeamLog) -> CheckedLog:
                 check(c, i)
 
     check_gaps(c)
-    check_robots(check_lengths, check_heading_unit, check_turn_unit)
+    check_robots(check_lengths, check_heading_unit, check_turn_unit, check_clock_of_turns)
     check_clocks(c)
     check_clocks_of_readings(c)
     check_robots(check_stale, check_jumps)
@@ -232,6 +232,7 @@ def check_turn_unit(c: CheckedLog, i: int) -> None:
 # shifts up to a minute or a third of the recording. A robot's odometry must fit its own truth best.
 
 LONGEST_SHIFT = 60.0  # [s]
+LONGEST_DELAY, LEAST_DELAY = 5.0, 0.1  # [s] of ranges, or of a gyroscope, against the truth
 FITS = 0.5  # correlation from which odometry fits a truth
 OWN = 0.8  # correlation from which a truth is the robot's own, without comparing it with the others'
 EVIDENCE = 5.0  # standard errors that a shift, or a scale, must have
@@ -284,6 +285,29 @@ def check_clocks(c: CheckedLog) -> None:
         sure, offset = "sure" if fit.correlation > 0.7 else "likely", f"{-shift:{'.12g' if apart else '.4g'}}"
         c.add("clock", i, m.poses.source, fact, sure, f"clock_offset = {offset}", "truth")
         c.correct("truth", i, m.poses._replace(time=t - shift))
+
+
+def check_clock_of_turns(c: CheckedLog, i: int) -> None:
+    """Find turn rates of a file of their own whose stamps are shifted against the speeds'."""
+    odometry, m = c.log.odometry[i], motion.robot_motion(c.log, i)
+    a, b = m.odometry.time, m.truth.time
+    if ", " not in odometry.source or not motion.moves(c.log, i) or len(a) < motion.FEWEST_WINDOWS:
+        return
+    edges = np.arange(max(a[0], b[0]), min(a[-1], b[-1]), m.window)
+    true, shifts = m.steps(m.truth, edges), np.linspace(-LONGEST_DELAY, LONGEST_DELAY, 101)
+    measured = [m.steps(m.odometry, edges + shift) for shift in shifts]
+    turns = np.array([motion.correlation(steps.turn, motion.true_turns(true)) for steps in measured])
+    lengths = np.array([motion.correlation(steps.length, true.length) for steps in measured])
+    best, now = int(np.argmax(turns)), len(shifts) // 2
+    gain, loss = (np.arctanh(of[best]) - np.arctanh(of[now]) for of in np.clip([turns, lengths], -0.9999, 0.9999))
+    evidence, late = np.sqrt(max(len(edges) - 3, 1) / 2), shifts[best]
+    if abs(late) >= LEAST_DELAY and turns[best] >= FITS and gain * evidence > EVIDENCE and -loss * evidence > 2:
+        fact = f"the turn rates' stamps are {late:+.3g} s from the speeds': turns fit the truth's with a correlation of"
+        fact += f" {turns[best]:.2f} then, {turns[now]:.2f} without the shift"
+        c.add("clock", i, odometry.source, fact, "likely", f"clock_offset = {-late:.3g}", "turns")
+        rows = np.searchsorted(a, a + late).clip(0, len(a) - 1)
+        values = np.stack([odometry.values[:, 0], odometry.values[rows, 1]], -1)
+        c.correct("odometry", i, odometry._replace(values=values))
 
 
 def _shows_shift(fit: ClockFit, least: float) -> bool:
@@ -547,7 +571,6 @@ def check_range_units(c: CheckedLog) -> None:
             c.correct(channel, None, divide_columns(readings, unit[2], (0,)))
 
 
-LONGEST_DELAY, LEAST_DELAY = 5.0, 0.1  # [s] of ranges against the truth
 SHARPER = 0.7  # times the spread of ranges about the distances, from which a shift of their stamps is believed
 
 

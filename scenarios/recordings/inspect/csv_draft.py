@@ -33,6 +33,10 @@ READINGS = {"sightings": ("range", "bearing"), "ranges": ("range",), "rssi": ("r
 STAMPS = ("time", "sec", "nsec")
 KINDS = ("velocity", "path", "increment", "displacement", "pose")  # of odometry; the first whose columns a file has
 
+# Where no file has the columns of a kind: the table and the kind that half of them belongs to, the first of a table.
+HALVES = {"speed": ("odometry", "velocity"), "length": ("odometry", "path")}
+HALVES |= {"turn_rate": ("turns", ""), "heading": ("turns", "")}
+
 # --- Files
 
 
@@ -70,7 +74,7 @@ def _text_files(folder: Path) -> list[Path]:
 class TablePart(NamedTuple):
     """Columns that belong to one table of log.toml, in files with the same columns."""
 
-    table: str  # "odometry", "truth", "ranges", "rssi", "sightings", "anchors" or "landmarks"
+    table: str  # "odometry", "turns", "truth", "ranges", "rssi", "sightings", "anchors" or "landmarks"
     files: tuple[CsvTable, ...]
     columns: dict[str, Guess]  # quantity -> column; with time, robot and other where the files have them
     kind: str = ""  # of odometry
@@ -88,8 +92,11 @@ class TablePart(NamedTuple):
         return [file.name for file in self.files]
 
 
-def _parts(file: CsvTable) -> list[TablePart]:
-    """Return the tables that a file's columns belong to; a file without stamps can only hold places."""
+def _parts(file: CsvTable, halves: bool = False) -> list[TablePart]:
+    """Return the tables that a file's columns belong to; a file without stamps can only hold places.
+
+    With `halves` one file may hold the speeds, and another the turn rates or headings.
+    """
     shared = _first_columns(file.guesses, (*STAMPS, "robot", "other"))
     if "time" in shared:
         shared = {q: g for q, g in shared.items() if q not in ("sec", "nsec")}
@@ -110,6 +117,12 @@ def _parts(file: CsvTable) -> list[TablePart]:
             parts.append(TablePart("odometry", (file,), shared | own, kind))
             left = [g for g in left if g not in own.values()]
             break
+    else:
+        own = _first_columns(file.guesses, ("speed", "length", "turn_rate", "heading", "x"), ("", "odometry"))
+        for quantity in own if halves and "x" not in own else ():
+            table, kind = HALVES[quantity]
+            if table not in {part.table for part in parts}:
+                parts.append(TablePart(table, (file,), shared | {quantity: own[quantity]}, kind))
     has_truth = any(g.side == "truth" and g.quantity == "x" for g in left)
     truth = _first_columns(left, ("x", "y", "heading"), ("truth",) if has_truth else ("",))
     if {"x", "y"} <= truth.keys():
@@ -159,11 +172,11 @@ def _name_readings(file: CsvTable, robots: Sequence[str], fixed: Sequence[str]) 
     return file._replace(guesses=tuple(found.get(g.column, g) for g in file.guesses))
 
 
-def _lack(file: CsvTable) -> str:
+def _lack(file: CsvTable, halves: bool = False) -> str:
     """Return why a file makes no table; "" where it makes one."""
-    if _parts(file) or not {g.quantity for g in file.guesses} & {"time", "sec"}:
+    if _parts(file, halves) or not {g.quantity for g in file.guesses} & {"time", "sec"}:
         why = next((g.reason for g in file.guesses if naming.name_meaning(g.column)[0] in ("time", "sec")), "time")
-        return "" if _parts(file) else f"no column of it holds stamps ({why})"
+        return "" if _parts(file, halves) else f"no column of it holds stamps ({why})"
     reasons: dict[str, list[str]] = {}
     if alone := [g.column for g in file.guesses if g.quantity == "bearing"]:
         reasons["bearings are read beside ranges alone"] = alone
@@ -298,18 +311,16 @@ def _draft_run(folder: Path, data: Path) -> tuple[Draft, tuple[str, ...]]:
         doubts = (Finding("robots", "", "", f"{common}, may be of one robot each, or runs of one", "perhaps", setting),)
     entries = [Entry("format", "csv", f"{len(files)} text files with columns")]
     files = files[:1] if runs else files
-    parts = _merge_parts([part for file in files for part in _parts(file)], unused)
-    lacking = {file.name: lack for file in files if (lack := _lack(file))}
+    tables_found = {part.table for file in files for part in _parts(file)}
+    halved = {part.table for file in files for part in _parts(file, True)}
+    halves = "odometry" not in tables_found and {"odometry", "turns"} <= halved
+    parts = _merge_parts([part for file in files for part in _parts(file, halves)], unused)
+    lacking = {file.name: lack for file in files if (lack := _lack(file, halves))}
     motion = "odometry (speeds and turn rates, poses, or steps), from which every estimator starts"
     for needed, words in (("odometry", motion), ("truth", "truth (x and y)")):
         if needed not in {part.table for part in parts}:
             if nameless := next((file.name for file in files if [*file.columns][:2] == ["1", "2"]), ""):
                 unread = f"{folder / nameless}: numbers where the names of the columns should be; add a line of names"
-            halves = [
-                next((f.name for f in files for g in f.guesses if g.quantity == q), "") for q in COLUMNS["velocity"]
-            ]
-            if needed == "odometry" and all(halves) and halves[0] != halves[1]:
-                unread = f"{folder}: speeds are in {halves[0]}, turn rates in {halves[1]}; write both into one file"
             sides = (needed,) if len(files) > 1 else (needed, "")  # of files whose names say nothing none is to blame
             odd = [name for name in lacking if naming.side_of(Path(name).stem) in sides]
             if odd and not unread:
@@ -328,8 +339,8 @@ def _draft_run(folder: Path, data: Path) -> tuple[Draft, tuple[str, ...]]:
             ]
     fixed = [name for part in parts if part.table in ("anchors", "landmarks") for name in _places_of(part)]
     files = [_name_readings(file, robots, fixed) for file in files]
-    unused += _for_files((_lack(file), file.name) for file in files)
-    parts = _merge_parts([part for file in files for part in _parts(file)], [])
+    unused += _for_files((_lack(file, halves), file.name) for file in files)
+    parts = _merge_parts([part for file in files for part in _parts(file, halves)], [])
     entries.append(Entry("robots", list(robots), why or "their names in the names of the files", "likely"))
     delimiter = files[0].delimiter
     if delimiter != ",":
@@ -339,7 +350,7 @@ def _draft_run(folder: Path, data: Path) -> tuple[Draft, tuple[str, ...]]:
         table = _draft_table(part, robots, fixed, runs, delimiter)
         if isinstance(table, DraftTable):
             tables.setdefault(repr(table.entries), table)
-        elif part.table in ("odometry", "truth"):
+        elif part.table in ("odometry", "turns", "truth"):
             raise BadInput(f"{folder}: {table}; or {REMEDY}")
         else:
             unused.append(table)

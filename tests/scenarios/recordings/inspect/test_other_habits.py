@@ -9,6 +9,7 @@ from made_csv_teams import two_robots
 
 import cooploc as cl
 from cooploc import BadInput
+from cooploc.scenarios.recordings.inspect.motion import robot_motion
 from cooploc.scenarios.recordings.inspect.naming import match_names
 
 ROBOTS = ("red", "blue")
@@ -288,15 +289,59 @@ def test_relative_positions_say_what_to_write(team):
     assert "rel_x, rel_y: a relative position: write range and bearing, hypot(x, y) and atan2(y, x)" in unused
 
 
-def test_speeds_and_turn_rates_in_two_files_are_named(team):
-    folder = team()
-    for robot in ROBOTS:
-        both = pd.read_csv(folder / f"odom_{robot}.csv")
-        (folder / f"odom_{robot}.csv").unlink()
-        both[["time", "v"]].to_csv(folder / f"wheel_{robot}.csv", index=False)
-        both[["time", "omega"]].rename(columns={"omega": "gz"}).to_csv(folder / f"imu_{robot}.csv", index=False)
-    with pytest.raises(BadInput, match=r"speeds are in wheel_\w+.csv, turn rates in imu_\w+.csv; write both into one"):
-        cl.inspect(folder)
+def gyroscope(late=0.0, headings=False, counter=False):
+    """The odometry in two files: speeds or metres, and turn rates or headings at twice as many stamps."""
+
+    def change(files):
+        for robot in ROBOTS:
+            both = files.pop(f"odom_{robot}.csv")
+            time, v, omega = both[["time", "v", "omega"]].to_numpy(float).T
+            driven, heading = (np.append(0.0, np.cumsum(np.diff(time) * rate[:-1])) for rate in (v, omega))
+            files[f"wheel_{robot}.csv"] = pd.DataFrame(
+                {"time": time, "odometer" if counter else "v": [v, driven][counter]}
+            )
+            dense = np.sort(np.append(time, time[:-1] + np.diff(time) / 2))
+            values = np.interp(dense, time, heading) if headings else omega[np.searchsorted(time, dense, "right") - 1]
+            imu = {"time": dense + late, "ax": 0.1, "yaw" if headings else "gz": values}
+            files[f"imu_{robot}.csv"] = pd.DataFrame(imu)
+        return files
+
+    return change
+
+
+@pytest.mark.parametrize("how", [{}, {"headings": True}, {"counter": True}])
+def test_odometry_in_two_files_is_that_of_one(team, how):
+    whole, found = (cl.inspect(folder).inspected.log for folder in (team(), team(gyroscope(**how))))
+    for i in range(2):
+        one, two = (robot_motion(log, i).odometry for log in (whole, found))
+        for of_one, of_two in ((one.length, two.length), (one.turn, two.turn)):
+            np.testing.assert_allclose(np.interp(one.time, two.time, of_two) - of_two[0], of_one, atol=2e-4)
+
+
+def test_a_gyroscope_with_a_clock_of_its_own_is_found_and_corrected(team):
+    folder = team(gyroscope(late=2.5))
+    found = cl.inspect(folder).inspected
+    assert {(one.kind, one.table) for one in found.findings} == {("clock", "turns")}
+    offset = found.findings[0].setting.partition(" = ")[2]
+    assert abs(float(offset) + 2.5) < 0.6
+    text = found.text.replace("[turns]", f"[turns]\nclock_offset = {offset}")
+    (folder / "log.toml").write_text(text)
+    assert not [one for one in cl.inspect(folder).inspected.findings if one.kind == "clock"]
+
+
+def test_turns_that_cannot_be_joined_are_one_line(team):
+    with pytest.raises(BadInput, match=r"wheel_blue.csv, .*imu_blue.csv: they have no time in common; correct time or"):
+        cl.inspect(team(gyroscope(late=1e6)))
+    folder = team(gyroscope())
+    text = cl.inspect(folder).inspected.text
+    for changed, said in (
+        (text.replace('speed = "v"', 'speed = "v"\nturn_rate = "w"'), "turn rates stand in .odometry., or in .turns."),
+        (text.replace("[turns]", "[turns]\nheading = 'yaw'"), "either turn_rate or heading"),
+        (text.replace("[turns]", "[turns]\nspeed = 'v'"), "there is no key 'speed' in .turns."),
+    ):
+        (folder / "log.toml").write_text(changed)
+        with pytest.raises(BadInput, match=said):
+            cl.simulate("log/all", data=folder)
 
 
 def test_steps_with_turns_are_of_the_robots_own_frame_and_markers_are_no_robots(team):
