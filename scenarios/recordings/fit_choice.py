@@ -35,18 +35,13 @@ def choose_fit(log: TeamLog, parts: Sequence[fit.FitPart], how: fit.FitSettings)
     errors = np.array([[held_out_error(log, *fold, how, robust) for robust in (False, True)] for fold in _folds(parts)])
     errors = errors[np.isfinite(errors).all(1)]
     if len(errors) < 2:
-        return how._replace(robust=True), "fitted robustly (Huber's loss); too little can be left out to compare"
-    robust, (plain, huber), left_out = is_no_worse(errors), np.exp(np.log(errors).mean(0)), _left_out(parts)
-    if not robust:
-        scores = f"CRPS {plain:.3g}, not {huber:.3g}"
-        why = f"by least squares, which predicts {left_out} better than Huber's loss ({scores})"
-    elif round(huber / plain, 3) >= 1:
-        scores = f"CRPS {huber:.3g} and {plain:.3g}, within a standard error"
-        why = f"robustly (Huber's loss), which predicts {left_out} as well as least squares ({scores})"
-    else:
-        scores = f"CRPS {huber:.3g}, not {plain:.3g}"
-        why = f"robustly (Huber's loss), which predicts {left_out} better than least squares ({scores})"
-    return how._replace(robust=robust), f"fitted {why}"
+        return how._replace(robust=True), "fitted with Huber's loss (too little can be left out to compare)"
+    (plain, huber), kind = np.exp(np.log(errors).mean(0)), _kind_of(parts)
+    if is_no_worse(errors):
+        why = f"fitted with Huber's loss (CRPS of left-out {kind} {huber:.3g}, {plain:.3g} by least squares)"
+        return how._replace(robust=True), why
+    why = f"fitted by least squares (CRPS of left-out {kind} {plain:.3g}, {huber:.3g} with Huber's loss)"
+    return how._replace(robust=False), why
 
 
 def _folds(parts: Sequence[fit.FitPart]) -> list[tuple[list[fit.FitPart], fit.FitPart]]:
@@ -57,8 +52,8 @@ def _folds(parts: Sequence[fit.FitPart]) -> list[tuple[list[fit.FitPart], fit.Fi
     return [([*pieces[:i], *pieces[i + 1 :]], out) for i, out in enumerate(pieces)]
 
 
-def _left_out(parts: Sequence[fit.FitPart]) -> str:
-    return f"{'pieces' if len(parts) == 1 else 'runs'} that were left out"
+def _kind_of(parts: Sequence[fit.FitPart]) -> str:
+    return "pieces" if len(parts) == 1 else "runs"
 
 
 SPREADS: Mapping[Loss, float] = {  # log of the integral of exp(-rho)
@@ -85,17 +80,14 @@ def choose_loss(log: TeamLog, parts: Sequence[fit.FitPart], how: fit.FitSettings
             if len(d2):
                 scores.append([(lost(loss, d2, 1) / 2).mean() + spread for loss, spread in SPREADS.items()])
     if len(scores) < 2:
-        return "none", "every reading counts fully (loss=none), as too little can be left out to compare"
+        return "none", "every reading counts fully (loss=none)"
     gains = np.array(scores)[:, :1] - np.array(scores)[:, 1:]
     mean, error = gains.mean(0), gains.std(0, ddof=1) / np.sqrt(len(gains))
     best = int(np.argmax(mean))
-    left_out, by = _left_out(parts), f"{mean[best]:.2g} of log-likelihood a reading (standard error {error[best]:.2g})"
     if mean[best] <= error[best]:
-        return "none", f"every reading counts fully (loss=none): no other loss predicts {left_out} clearly better"
-    chosen = list(SPREADS)[1 + best]
-    return chosen, (
-        f"readings far from what is expected count less (loss={chosen}), as that predicts {left_out} better, by {by}"
-    )
+        return "none", "every reading counts fully (loss=none)"
+    gain = f"left-out {_kind_of(parts)}: log-likelihood {mean[best]:+.2g} a reading, standard error {error[best]:.2g}"
+    return list(SPREADS)[1 + best], f"far readings count less (loss={list(SPREADS)[1 + best]}; {gain})"
 
 
 def is_no_worse(errors: Array) -> bool:

@@ -1,5 +1,7 @@
 """The parts of a team's fit, on residuals whose model is known; and what is left out decides how it is fitted."""
 
+import re
+
 import numpy as np
 import pytest
 from made_team import describe, write
@@ -132,7 +134,8 @@ def test_outliers_make_the_fit_and_the_loss_robust_and_the_sentence_has_the_scor
     with_late_signals(tmp_path / "one" / "uwb.csv")
     judged = resolve("log/judged", tmp_path).model.judged_run
     assert judged.how.robust
-    assert "(Huber's loss), which predicts runs that were left out better than least squares" in judged.choice
+    scores = re.search(r"with Huber's loss \(CRPS of left-out runs ([\d.]+), ([\d.]+) by least", judged.choice)
+    assert float(scores[1]) < float(scores[2])
     plain = resolve("log/judged", tmp_path, robust=False).model.judged_run
     assert judged.models.sensors["radio_range"].sigma < plain.models.sensors["radio_range"].sigma / 3
     for name in ("two", "three"):
