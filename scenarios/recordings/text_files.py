@@ -6,16 +6,17 @@ is refused, with file and line.
 
 import codecs
 import csv
+import json
 import re
 import statistics
 import zlib
 from bisect import bisect_right
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from reprlib import repr as short_repr
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -29,6 +30,21 @@ LARGEST = 1e30  # of a number in a recording; stamps in ns have nineteen digits
 MAX_STEP_BACK = 0.5  # [s] stamps that step back by less (MRCLAM 9: by 0.1 s) are sorted; by more, lines are left out
 MOST_ZEROS = 5  # places with zero bytes, such as an interrupted write leaves; a file with more is no text
 LEAST_LEFT = 0.1  # share of the lines of a file that must be readable
+
+
+def read_json_lines(path: Path) -> pd.DataFrame:
+    """Return a line for each object; of one that is none, such as a torn one, its text in the first column alone."""
+    found: list[Any] = []
+    for line in filter(str.strip, path.read_text("utf-8", errors="replace").splitlines()):
+        with suppress(ValueError):
+            found.append(line)
+            found[-1] = json.loads(line)
+    first = next(key for one in found if isinstance(one, dict) for key in one)
+    return pd.json_normalize([one if isinstance(one, dict) else {first: one} for one in found])
+
+
+# Other files, which are read as the CSV files that they could be.
+TABLES: Mapping[str, Callable[[Path], pd.DataFrame]] = {".parquet": pd.read_parquet, ".jsonl": read_json_lines}
 
 
 class TextTable(NamedTuple):
@@ -46,12 +62,18 @@ class TextTable(NamedTuple):
 
 
 def is_text(path: Path) -> bool:
-    """Return whether a file is a text by its name, compressed or not."""
-    return path.is_file() and path.name.lower().removesuffix(".gz").endswith(TEXT_ENDINGS)
+    """Return whether a file is a text by its name, compressed or not, or another table."""
+    return path.is_file() and path.name.lower().removesuffix(".gz").endswith((*TEXT_ENDINGS, *TABLES))
 
 
 def read_text(path: Path) -> str:
     r"""Return the text of a file, UTF-8, UTF-16 or of Windows, its line ends all \n; of a .gz file what is in it."""
+    if of_table := TABLES.get(path.suffix.lower()):
+        try:
+            table = of_table(path)
+        except (ValueError, OSError, StopIteration) as e:
+            raise BadInput(f"{path}: this is no {path.suffix[1:]} file, or it is damaged; get the file again") from e
+        return table.to_csv(index=table.index.names != [None])
     try:
         raw = path.read_bytes()
         if path.suffix.lower() == ".gz":

@@ -26,7 +26,7 @@ from cooploc.scenarios.recordings.inspect.columns import (
 )
 from cooploc.scenarios.recordings.inspect.draft_toml import Draft, DraftTable, Entry
 from cooploc.scenarios.recordings.schema import COLUMNS, UNITS
-from cooploc.scenarios.recordings.text_files import is_text
+from cooploc.scenarios.recordings.text_files import TABLES, is_text
 
 REMEDY = "name the files odom_NAME.csv and truth_NAME.csv, or write log.toml by hand (docs/how-to/robots.md)"
 READINGS = {"sightings": ("range", "bearing"), "ranges": ("range",), "rssi": ("rssi",)}  # table -> its columns
@@ -45,7 +45,7 @@ def _read_files(paths: Iterable[Path], folder: Path, data: Path) -> tuple[list[C
     files, unread = [], []
     for path in paths:
         name = path.relative_to(folder if path.is_relative_to(folder) else data).as_posix()
-        fault, is_csv = f"{name}: a text, and no table", ".csv" in path.name.lower()
+        fault, is_csv = f"{name}: a text, and no table", ".csv" in path.name.lower() or path.suffix in TABLES
         try:
             file = read_csv(path, name)
             if is_csv or "1" in file.columns or any(guess.quantity for guess in file.guesses):

@@ -135,8 +135,18 @@ SPANISH = {"time": "tiempo", "v": "velocidad", "omega": "velocidad angular", "th
 SPANISH |= {"from": "desde", "to": "hasta", "range": "distancia"}
 ROS = {"time": "field.header.stamp", "v": "field.twist.linear.x", "omega": "field.twist.angular.z"}
 DEGREES = dict.fromkeys(("omega", "theta"), np.degrees) | {c: lambda x: 1000 * x for c in ("x", "y", "v", "range")}
+
+
+def as_json_lines(table, path):
+    """A JSON object a line, the last of them torn."""
+    text = table.to_json(orient="records", lines=True, double_precision=15)
+    path.with_suffix(".jsonl").write_text(text + text[: text.index("\n") // 2])
+
+
 # How the tables are changed, how they are written, and how their text is changed.
 HABITS = {
+    "Parquet": (SAME, lambda table, path: table.set_index("time").to_parquet(path.with_suffix(".parquet")), None),
+    "JSON lines": (SAME, as_json_lines, None),
     "decimal commas": (renamed(GERMAN), {"sep": ";", "decimal": ","}, None),
     "Spanish": (renamed(SPANISH), {"encoding": "latin-1"}, None),
     "UTF-16": (SAME, {"encoding": "utf-16"}, None),
@@ -181,7 +191,10 @@ def test_the_team_is_read_from_files_as_others_write_them(tmp_path, habit):
     for name, table in change(tables).items():
         path = tmp_path / name
         path.parent.mkdir(exist_ok=True)  # pandas compresses what ends with .gz
-        table.to_csv(path, **({"index": False} | options))
+        if callable(options):
+            options(table, path)
+        else:
+            table.to_csv(path, **({"index": False} | options))
         if rewrite:
             path.write_text(rewrite(path.read_text()))
     inspected = cl.inspect(tmp_path).inspected
