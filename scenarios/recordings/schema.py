@@ -279,6 +279,7 @@ class RssiTable(ReadingColumns):
     rssi: Power | None = None
     each: Mapping[Name, Power] = {}  # instead of `other` and `rssi`: the column of each robot or anchor
     missing_from: float = 0.0  # [dBm] a reading of this or more is missing
+    missing_below: float = -1000.0  # [dBm] a reading below this is missing: some radios write -127
 
 
 class SightingsTable(ReadingColumns):

@@ -261,8 +261,8 @@ def build_log(
 
 def without_missing(table: ReadingColumns, values: Array) -> Array:
     """Return values with nan in place of those that stand for no reading."""
-    limit = getattr(table, "missing_from", None)
-    return values if limit is None else np.where(values >= limit, np.nan, values)
+    limit, least = getattr(table, "missing_from", None), getattr(table, "missing_below", -np.inf)
+    return values if limit is None else np.where((values >= limit) | (values < least), np.nan, values)
 
 
 def split_channels(

@@ -134,6 +134,7 @@ def check_gaps(c: CheckedLog) -> None:
 # --- Units
 
 FASTEST = 15.0  # [m/s] of ground robots; faster is a unit or a fault
+SCALE = 1.5  # times as fast as the truth: no calibration is so far off
 DEGREE = np.pi / 180
 # Values that were read as SI are so many times too large: kind of the finding, unit to write, factor.
 Unit = tuple[str, str, float]
@@ -182,6 +183,10 @@ def check_lengths(c: CheckedLog, i: int) -> None:
             c.add("unit", i, series.source, fact, sure, f'unit = "{unit[1]}"', table, names)
             c.correct(table, i, divide_columns(series, unit[2], columns))
             return
+    if motion.moves(c.log, i) and driven > 0 and not 1 / SCALE < driven / moved < SCALE:
+        fact = f"odometry is {driven / moved:.3g} times as fast as the truth ({driven:.3g} against {moved:.3g} m/s)"
+        setting = "the unit of speed or of stamps; length_scale is fitted in any case"
+        c.add("scale", i, odometry.source, fact, "likely", setting, "model")
 
 
 def check_heading_unit(c: CheckedLog, i: int) -> None:

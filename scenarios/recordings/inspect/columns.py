@@ -201,12 +201,12 @@ def _guess(table: CsvTable, column: str, file_side: str) -> Guess:
     return Guess(column, quantity, unit, side or file_side, reason + (f"; {why}" if why else ""))
 
 
-def no_reading(values: Array) -> float:
-    """Return what a radio says of nothing: the largest, often there, and by half above all others; inf if none is."""
+def no_reading(values: Array, far: float = 1.5) -> float:
+    """Return what a radio says of nothing: the largest, often there, and so many times all others; inf if none is."""
     largest = np.max(values, initial=0.0)
     others = values[values < largest]
     often = len(values) > len(values) - len(others) >= max(10, 0.005 * len(values))
-    return float(largest) if often and largest >= 1.5 * np.max(others) else np.inf
+    return float(largest) if often and largest >= far * np.max(others) else np.inf
 
 
 def _turn_rate(table: CsvTable, column: str) -> float:

@@ -476,14 +476,16 @@ def _others(part: TablePart) -> list[list[str]]:
 
 
 def _missing(part: TablePart) -> list[Entry]:
-    """Return the line for ranges that mean none."""
-    if part.table != "ranges":
+    """Return the line for ranges, or signal strengths, that mean none."""
+    if part.table not in ("ranges", "rssi"):
         return []
-    values = np.concatenate([f.numbers(g.column) * UNITS["m"][g.unit] for f in part.files for g in part.each])
-    if np.isinf(largest := no_reading(values)):
+    values = np.concatenate([f.numbers(g.column) * UNITS["m"].get(g.unit, 1.0) for f in part.files for g in part.each])
+    is_rssi = part.table == "rssi"
+    if np.isinf(largest := no_reading(-values, 1.2) if is_rssi else no_reading(values)):
         return []
-    why = f"[m] {(values == largest).sum()} of {len(values)} ranges are {largest:.6g} m, and no other is near"
-    return [Entry("missing_from", float(f"{0.99 * largest:.3g}"), why, "likely")]
+    sign, unit, key = (-1, "dBm", "missing_below") if is_rssi else (1, "m", "missing_from")
+    why = f"[{unit}] {(values == sign * largest).sum()} of {len(values)} {part.table} are {sign * largest:.6g} {unit}"
+    return [Entry(key, float(f"{sign * 0.99 * largest:.3g}"), f"{why}, and no other is near", "likely")]
 
 
 def _each_thing(table: str, each: Sequence[Guess], things: Sequence[str], robots: Sequence[str]) -> Entry | str:

@@ -342,6 +342,22 @@ def test_a_gyroscope_with_a_clock_of_its_own_is_found_and_corrected(team):
     assert not [one for one in cl.inspect(folder).inspected.findings if one.kind == "clock"]
 
 
+def test_speeds_that_are_twice_the_truths_are_found(team):
+    found = cl.inspect(team(changed(v=lambda v: 2 * v))).inspected.findings
+    assert {(one.kind, one.robot) for one in found} == {("scale", robot) for robot in ROBOTS}
+
+
+def test_signal_strengths_that_mean_none_are_left_out(team):
+    def measured(files):
+        rssi = -50 - 20 * np.log10(files["uwb.csv"].pop("range"))
+        files["uwb.csv"]["rssi"] = rssi.where(np.arange(len(rssi)) % 7 > 0, -127.0)
+        return files
+
+    found = cl.inspect(team(measured)).inspected
+    assert "missing_below = -126" in found.text
+    assert found.log.readings["rssi"].values.min() > -80
+
+
 def test_turns_that_cannot_be_joined_are_one_line(team):
     with pytest.raises(BadInput, match=r"wheel_blue.csv, .*imu_blue.csv: they have no time in common; correct time or"):
         cl.inspect(team(gyroscope(late=1e6)))
