@@ -343,10 +343,11 @@ def values_of(table: schema.ReadingColumns, series: TopicSeries) -> tuple[Array,
     if isinstance(table, schema.SightingsTable):
         x, y, z = series.select("x [m]", "y [m]", "z [m]", table="sightings").T
         if series.type != "geometry_msgs/msg/PoseArray":
-            return series.time, np.stack([np.hypot(x, y), np.arctan2(y, x)], -1)
+            return series.time, team_log.without_missing(table, np.stack([np.hypot(x, y), np.arctan2(y, x)], -1))
         _, first, n = np.unique(series.time, return_index=True, return_counts=True)
         alone = first[n == 1]
-        return series.time[alone], np.stack([np.hypot(x, z), np.arctan2(-x, z)], -1)[alone]
+        seen = np.stack([np.hypot(x, z), np.arctan2(-x, z)], -1)[alone]
+        return series.time[alone], team_log.without_missing(table, seen)
     of_field = getattr(table, table.columns[0])
     if of_field is None and series.columns not in (("value",), ("range [m]",)):
         there = ", ".join(series.columns)

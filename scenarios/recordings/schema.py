@@ -12,7 +12,7 @@ file is in SI units, else `{column = "x", unit = "mm"}`:
     file = "odom_{robot}.csv"         # a file for each robot; or one file for all with robot = "column of names"
     time = ["sec", { column = "nsec", unit = "ns" }]
     speed = "v"
-    turn_rate = { column = "w", unit = "deg/s" }
+    turn_rate = { column = "w", unit = "-deg/s" }  # with a minus where it is positive to the right
 
     [turns]                           # instead of turn_rate above, where another sensor has files of its own
     file = "imu_{robot}.csv"
@@ -98,11 +98,12 @@ def _unit_of(si: str) -> AfterValidator:
 
     def check_unit(column: LogColumn) -> LogColumn:
         unit = si if column.unit is None else column.unit
+        plain = unit.removeprefix("-") if si not in ("s", "") else unit
         if column.quaternion and si != "rad":
             raise ValueError("only a heading can be a quaternion; name a column")
-        if unit not in UNITS[si]:
+        if plain not in UNITS[si]:
             raise ValueError(f"unit {unit!r} is not one of {', '.join(UNITS[si])}")
-        return column.model_copy(update={"factor": UNITS[si][unit]})
+        return column.model_copy(update={"factor": UNITS[si][plain] * (1.0 if plain == unit else -1.0)})
 
     return AfterValidator(check_unit)
 
@@ -133,6 +134,7 @@ def check_name(name: str) -> str:
 
 
 Name = Annotated[str, AfterValidator(check_name)]
+PerRobot = float | Mapping[Name, float]
 
 Several = BeforeValidator(lambda given: given if isinstance(given, list | tuple) else [given])  # or one by itself
 TimeColumns = Annotated[tuple[Seconds, ...], Field(min_length=1), Several]
@@ -238,6 +240,7 @@ class GroundTruth(Source):
     x: Metres | None = None
     y: Metres | None = None
     heading: Angle | None = None  # counter-clockwise from x
+    heading_offset: PerRobot = 0.0  # [rad] added to headings: of all robots, or of each by name
     frame: Literal["as recorded", "mirrored", "swapped"] = "as recorded"  # mirrored: y downwards; swapped: x is y
     repeats: Literal["stale", "still"] = "still"  # meaning of a position that equals the one before exactly
     max_speed: Positive | None = None  # [m/s] a position that cannot be reached from the last valid one is left out
@@ -288,6 +291,7 @@ class SightingsTable(ReadingColumns):
     columns = ("range", "bearing")
     range: Metres | None = None
     bearing: Angle | None = None
+    bearing_offset: float = 0.0  # [rad] added to bearings, as of a camera that looks aside
 
 
 class PlacesTable(Strict):

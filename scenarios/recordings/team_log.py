@@ -18,7 +18,13 @@ import pandas as pd
 
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Indices, Mask
-from cooploc.scenarios.recordings.schema import GroundTruth, PlacesTable, ReadingColumns, TeamDescription
+from cooploc.scenarios.recordings.schema import (
+    GroundTruth,
+    PlacesTable,
+    ReadingColumns,
+    SightingsTable,
+    TeamDescription,
+)
 from cooploc.scenarios.recordings.text_files import count_of, time_order
 
 MARGIN = 2.0  # [m] around all fixed things
@@ -107,7 +113,7 @@ def shift_stamps(log: TeamLog, by: float) -> TeamLog:
 LOST = 0.5  # [m] from a robot's positions before and after: at 0, 0 it was lost by the tracker
 
 
-def true_poses(time: Array, poses: Array, declared: GroundTruth) -> tuple[Array, dict[str, int]]:
+def true_poses(time: Array, poses: Array, declared: GroundTruth, robot: str) -> tuple[Array, dict[str, int]]:
     """Return poses (m, 3) in the team's frame, nan where they cannot be; and why, with the number of lines.
 
     `poses` are x, y [m], heading [rad] as recorded at `time` [s], nan where absent. They are stale, out of reach (no
@@ -126,6 +132,8 @@ def true_poses(time: Array, poses: Array, declared: GroundTruth) -> tuple[Array,
         y, heading = -y, -heading
     elif declared.frame == "swapped":
         x, y, heading = y, x, np.pi / 2 - heading
+    offset = declared.heading_offset
+    heading = heading + (offset.get(robot, 0.0) if isinstance(offset, Mapping) else offset)
     framed = np.stack([x, y, heading], -1)  # not wrapped: degrees that were not declared must remain visible
     if declared.repeats == "stale":
         framed[1:][(np.diff(framed[:, :2], axis=0) == 0).all(-1)] = np.nan
@@ -245,7 +253,7 @@ def build_log(
             notes += [f"{place}: robot {robot!r} has no truth, and so no errors"] * (d.truth is not None)
             poses.append(None)
             continue
-        values, left_out = true_poses(series.time, series.values, d.truth)
+        values, left_out = true_poses(series.time, series.values, d.truth, robot)
         poses.append(series._replace(values=values))
         notes += [f"{series.source}: left out {count_of(n, 'true position')} {w}" for w, n in left_out.items() if n]
     readings: dict[Channel, ReadingSeries] = {}
@@ -260,7 +268,9 @@ def build_log(
 
 
 def without_missing(table: ReadingColumns, values: Array) -> Array:
-    """Return values with nan in place of those that stand for no reading."""
+    """Return values with nan in place of those that stand for no reading; bearings with their offset."""
+    if isinstance(table, SightingsTable):
+        return np.add(values, [0.0, table.bearing_offset])
     limit, least = getattr(table, "missing_from", None), getattr(table, "missing_below", -np.inf)
     return values if limit is None else np.where((values >= limit) | (values < least), np.nan, values)
 

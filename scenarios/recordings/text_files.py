@@ -24,6 +24,7 @@ import pandas as pd
 from cooploc.estimators import nearest
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Indices
+from cooploc.scenarios.recordings import motion_capture
 
 TEXT_ENDINGS = (".csv", ".txt", ".tsv", ".dat", ".log", ".tum")  # and these with .gz
 LARGEST = 1e30  # of a number in a recording; stamps in ns have nineteen digits
@@ -97,7 +98,9 @@ def read_text(path: Path) -> str:
         text = raw.decode("utf-8-sig")
     except UnicodeDecodeError:
         text = raw.decode("cp1252", "ignore")
-    return text.replace("\r\n", "\n").replace("\r", "\n")
+    text = text.replace("\r\n", "\n").replace("\r", "\n")
+    poses = motion_capture.table_of(text)
+    return text if poses is None else poses.to_csv(index=False)
 
 
 def parse_number(word: str) -> float:
@@ -274,16 +277,19 @@ def read_lines(path: Path, numbers: Sequence[str], names: Sequence[str], delimit
     ]
     notes, bad = leave_out(path, faults, len(content)), {line for line, _ in faults}
     content = [(line, fields) for line, fields in content if line not in bad]
-    for i in of_numbers:
-        same = [(line, fields[i]) for line, fields in content if np.isinf(parse_field(fields[i]))]
-        if same:
-            where = f"{path}, line {same[0][0]}: {head[i]} is {short_repr(same[0][1])}, which is not a number"
+    rows = np.empty((len(content), len(of_numbers)))
+    for k, i in enumerate(of_numbers):
+        words = [fields[i] for _, fields in content]
+        rows[:, k] = parse_fields(words)
+        same = np.flatnonzero(np.isinf(rows[:, k]))
+        if len(same):
+            where = (
+                f"{path}, line {content[same[0]][0]}: {head[i]} is {short_repr(words[same[0]])}, which is not a number"
+            )
             if len(same) > (1 - LEAST_LEFT) * len(content):
                 raise BadInput(f"{where}; name another column in log.toml")
             many = "it counts as empty" if len(same) == 1 else f"{len(same)} such fields count as empty"
             notes += (f"{where}; {many}",)
-    values = [[parse_field(fields[i]) for i in of_numbers] for _, fields in content]
-    rows = np.array(values, float).reshape(-1, len(of_numbers))
     rows[np.isinf(rows)] = np.nan
     texts = [tuple(fields[i] for i in of_names) for _, fields in content]
     return TextTable(path, rows, np.array([line for line, _ in content], np.int64), texts, notes)
@@ -294,7 +300,12 @@ def fields_of(text: str, delimiter: str) -> Iterator[tuple[int, list[str]]]:
     for i, line in enumerate(text.split("\n"), 1):
         try:
             whole = line.strip() if delimiter == " " else line  # columns may be aligned by blanks
-            raw = next(csv.reader([whole], delimiter=delimiter, skipinitialspace=True), [])
+            quoted = '"' in line or delimiter == " "
+            raw = (
+                line.split(delimiter)
+                if not quoted
+                else next(csv.reader([whole], delimiter=delimiter, skipinitialspace=True), [])
+            )
         except csv.Error:  # a field of more than 100,000 characters
             raw = [line]
         fields = [field.strip() for field in raw]
@@ -310,6 +321,16 @@ def find_column(path: Path, line: int, head: list[str], name: str) -> int:
         raise BadInput(f"{path}, line {line}: two columns are named {short_repr(name)}; rename one")
     known = nearest(name, head) if head else "the file is empty; get it again"
     raise BadInput(f"{path}, line {line}: there is no column {name!r}; {known}")
+
+
+def parse_fields(fields: Sequence[str]) -> Array:
+    """Return `parse_field` of each, at once where all are plain numbers or empty."""
+    try:
+        numbers = np.array([field or "nan" for field in fields], float)
+    except ValueError:
+        return np.array([parse_field(field) for field in fields], float)
+    numbers[np.abs(numbers) > LARGEST] = np.inf
+    return numbers
 
 
 def parse_field(field: str) -> float:

@@ -478,16 +478,16 @@ def check_frame(c: CheckedLog, i: int) -> None:
     slope, error = of_heading if headed else of_course
     reversed_turns = slope < -0.3 and slope < -SIGN * error
 
-    def report_heading(fact: str, sure: str, setting: str, correct: Array) -> None:
-        c.add("heading", i, m.poses.source, fact, sure, setting, "truth", ("heading",))
+    def report_heading(fact: str, sure: str, setting: str, offset: float, correct: Array) -> None:
+        setting += f"heading_offset = {{ {c.log.robots[i]} = {offset:.3g} }}"
+        c.add("heading", i, m.poses.source, fact, sure, setting, "truth")
         c.correct("truth", i, m.poses._replace(values=np.column_stack([poses[:, :2], wrap(correct)])))
 
     if opposes > FOLLOWS and opposes > follows + 0.2:
         if headed and reversed_turns:  # odometry turns against the heading, and with the course
             start = "from y, as a compass does" if abs(mirror - np.pi / 2) < OFFSET else "from x"
             fact = f"the heading falls when the robot turns left (agreement {opposes:.2f}): it is clockwise {start}"
-            setting = f"write {np.degrees(mirror):.0f} deg - heading into the file"
-            report_heading(fact, "sure", setting, mirror - poses[:, 2])
+            report_heading(fact, "sure", 'heading with unit = "-rad" (or "-deg"), ', mirror, mirror - poses[:, 2])
         else:
             fact = f"the positions turn left where the heading turns right (agreement {opposes:.2f})"
             _add_mirror(c, i, mirror, fact, "sure" if headed else "likely")
@@ -495,12 +495,13 @@ def check_frame(c: CheckedLog, i: int) -> None:
     if follows > FOLLOWS and abs(offset) > OFFSET:
         degrees = np.degrees(offset)
         fact = f"the heading is {degrees:+.0f} deg from the direction of motion (agreement {follows:.2f})"
-        report_heading(fact, "likely", f"subtract {degrees:.0f} deg in the file", poses[:, 2] - offset)
+        report_heading(fact, "likely", "", -offset, poses[:, 2] - offset)
     if reversed_turns:
         fact = f"odometry turns right where the truth turns left (slope {slope:.2f})"
         fact += "" if headed else "; or the truth is mirrored (its heading was not recorded)"
-        columns, names = ((1, 2), ("y", "heading")) if c.log.odometry_kind == "pose" else ((1,), ("turn_rate",))
-        setting = f"write {' and '.join(f'-{name}' for name in names)} into the files"
+        poses_too = c.log.odometry_kind == "pose"
+        columns, names = ((1, 2), ("y", "heading")) if poses_too else ((1,), ("turn_rate",))
+        setting = 'unit = "-m" and "-rad"' if poses_too else 'unit = "-rad/s" (or "-deg/s")'
         sure = "sure" if headed and follows > FOLLOWS else "likely"
         c.add("turn sign", i, c.log.odometry[i].source, fact, sure, setting, "odometry", names)
         c.correct("odometry", i, divide_columns(c.log.odometry[i], -1.0, columns))
@@ -584,8 +585,10 @@ def check_delays(c: CheckedLog) -> None:
     for channel, readings in motion.range_channels(c.log):
         spread = partial(motion.range_spread, c.log, channel)
         shift, now, longest = 0.0, spread(0.0), min(LONGEST_DELAY, float(np.ptp(readings.time)) / 10)
-        for width, count in ((longest, 101), (longest / 50, 21)) if np.isfinite(now) else ():
-            shift = float(min(shift + width * np.linspace(-1, 1, count), key=spread))
+        for width in (longest, longest / 20, longest / 200) if np.isfinite(now) else ():
+            shift = float(min(shift + width * np.linspace(-1, 1, 41), key=spread))
+            if abs(shift) < LEAST_DELAY:
+                break
         named = ("clock", motion.TABLES[channel]) in {(one.kind, one.table) for one in c.findings}
         if not named and abs(shift) >= LEAST_DELAY and spread(shift) < SHARPER * now:
             fact = (
@@ -640,7 +643,7 @@ def check_bearings(c: CheckedLog) -> None:
         )
         if opposes > max(FOLLOWS, follows + 0.1) and motion.concentration(expected)[0] < 0.95:
             fact = f"bearings grow to the right (agreement {opposes:.2f}, {follows:.2f} to the left)"
-            c.add("bearing", None, readings.source, fact, "sure", "write -bearing into the files", *place)
+            c.add("bearing", None, readings.source, fact, "sure", 'unit = "-rad" (or "-deg")', *place)
             c.correct(channel, None, divide_columns(readings, -1.0, (1,)))
         elif follows < FOLLOWS < (agrees := motion.concentration(bearing - motion.bearings(c.log, channel, True))[0]):
             fact = f"bearings are from the x axis of the map, not from straight ahead (agreement {agrees:.2f})"
@@ -648,4 +651,5 @@ def check_bearings(c: CheckedLog) -> None:
         elif follows > FOLLOWS and abs(offset) > CAMERA_OFFSET:
             degrees = np.degrees(offset)
             fact = f"bearings are {degrees:+.0f} deg from the true directions (agreement {follows:.2f})"
-            c.add("bearing", None, readings.source, fact, "likely", f"subtract {degrees:.0f} deg in the files", *place)
+            setting = f"bearing_offset = {-offset:.3g}"
+            c.add("bearing", None, readings.source, fact, "likely", setting, "sightings")

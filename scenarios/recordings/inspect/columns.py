@@ -13,7 +13,14 @@ import numpy as np
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array
 from cooploc.scenarios.recordings.inspect import naming
-from cooploc.scenarios.recordings.text_files import COMMENTS, LEAST_LEFT, parse_field, read_text, split_fields
+from cooploc.scenarios.recordings.text_files import (
+    COMMENTS,
+    LEAST_LEFT,
+    parse_field,
+    parse_fields,
+    read_text,
+    split_fields,
+)
 
 SEVERAL_KINDS = "lines of several kinds"  # begin with what they are, and have other numbers of fields
 DELIMITERS = (";", ",", "\t", "|", " ")
@@ -78,7 +85,7 @@ def read_csv(path: Path, name: str) -> CsvTable:
     patterns, robots = naming.columns_of_robots(head)
     columns: dict[str, Array | tuple[str, ...]] = {}
     for column, words in zip(head, zip(*whole, strict=True), strict=True):  # of several robots the first one's values
-        numbers = np.array([parse_field(word) for word in words])
+        numbers = parse_fields(words)
         good, filled = np.isfinite(numbers), (~np.isnan(numbers)).sum()
         is_number = filled and good.sum() >= 0.9 * filled
         columns.setdefault(patterns.get(column, column), np.where(good, numbers, np.nan) if is_number else words)
@@ -186,12 +193,14 @@ def _guess(table: CsvTable, column: str, file_side: str) -> Guess:
         unknown = "w beside x and y: part of a quaternion, or a heading"
     elif quantity in ("time", "sec") and len(values) > 1 and 0.3 < (change < 0).mean() < 1:
         unknown = f"its name says {quantity}, but its values fall"
-    elif quantity == "rssi" and len(values) and np.median(values) > 0:
-        unknown = "its values are positive, and dBm are below 0; where these are sizes, write -rssi"
     elif quantity == "time" and len(values) > 10 > 2 * len({*values.tolist()}):
         unknown = f"{values[0]:.10g} and hardly another: it was written with too few digits"
     if unknown:
         return Guess(column, "", "", side, unknown)
+    if quantity == "rssi" and len(values) and np.median(values) > 0:
+        return Guess(
+            column, quantity, "-dBm", side or file_side, f"{reason}; positive: dBm without their sign, perhaps"
+        )
     rises = len(values) > 10 and (change >= 0).all() and np.ptp(values) > 0
     if rises and (quantity, side) == ("x", "odometry") and ("y", "odometry") not in beside:
         quantity = "length"

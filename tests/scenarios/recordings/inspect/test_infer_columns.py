@@ -127,8 +127,8 @@ def test_eight_columns_of_numbers_are_stamp_position_and_orientation(tmp_path, s
     assert [guess.unit for guess in found[:3]] == [{1: "s", 1e9: "ns"}[scale], "m", "m"]
 
 
-VICON = (
-    "Objects\n50\n,,red,,,blue,,\nFrame,Sub Frame,RZ,TX,TY,RZ,TX,TY\n,,rad,mm,mm,rad,mm,mm\n" + 9 * "1,0,2,3,4,5,6,7\n"
+SEVERAL = (
+    "Things\n50\n,,red,,,blue,,\nFrame,Sub Frame,RZ,TX,TY,RZ,TX,TY\n,,rad,mm,mm,rad,mm,mm\n" + 9 * "1,0,2,3,4,5,6,7\n"
 )
 
 
@@ -137,7 +137,7 @@ VICON = (
     [
         ("time,x,y\n", "it has no line of data with 3 fields as in line 1"),
         ("# time,x,y\n", "it has no line of data with 3 fields as in line 1"),
-        (VICON, "most lines have 8 fields, and line 1, with the names, 1; leave one line above the numbers"),
+        (SEVERAL, "most lines have 8 fields, and line 1, with the names, 1; leave one line above the numbers"),
     ],
 )
 def test_a_file_without_a_line_of_names_above_lines_of_numbers_is_refused(tmp_path, text, fault):

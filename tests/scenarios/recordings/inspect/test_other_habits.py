@@ -1,6 +1,7 @@
 """One team in the files that others would write: each is read as the same recording, without a log.toml by hand."""
 
 import itertools
+import re
 
 import numpy as np
 import pandas as pd
@@ -252,10 +253,69 @@ def test_anchors_are_meant_by_their_numbers(team):
     assert "anchor_range" not in found.log.readings  # d1 may be of robot 1
 
 
-def test_positive_signal_strengths_are_named(team):
-    folder = team(lambda files: {**files, "uwb.csv": files["uwb.csv"].rename(columns={"range": "rssi"})})
-    unused = " ".join(cl.inspect(folder).inspected.unused)
-    assert "its values are positive, and dBm are below 0" in unused
+def test_positive_signal_strengths_are_dbm_without_their_sign(team):
+    def measured(files):
+        files["uwb.csv"]["rssi"] = 50 + 20 * np.log10(files["uwb.csv"].pop("range"))
+        return files
+
+    found = cl.inspect(team(measured)).inspected
+    assert 'rssi = { column = "rssi", unit = "-dBm" }' in found.text
+    assert found.log.readings["rssi"].values.max() < 0
+
+
+def seen(files):
+    """The ranges with bearings, as a camera sees them."""
+    ranges = files.pop("uwb.csv")
+    at = {robot: files[f"truth_{robot}.csv"] for robot in ROBOTS}
+    here, there = (
+        np.array(
+            [[np.interp(t, at[n]["time"], at[n][q]) for q in "xy"] for t, n in zip(ranges["time"], names, strict=True)]
+        )
+        for names in (ranges["from"], ranges["to"])
+    )
+    headings = {robot: np.unwrap(truth["theta"]) for robot, truth in at.items()}
+    heading = [np.interp(t, at[n]["time"], headings[n]) for t, n in zip(ranges["time"], ranges["from"], strict=True)]
+    (x, y) = (there - here).T
+    files["camera.csv"] = ranges.assign(bearing=np.angle(np.exp(1j * (np.arctan2(y, x) - heading))))
+    return files
+
+
+TURNED = {  # how the files are changed: the kind of finding, and what its setting writes into log.toml
+    "turn sign": (
+        changed(omega=lambda w: -w),
+        [('turn_rate = "omega"', 'turn_rate = { column = "omega", unit = "-rad/s" }')],
+    ),
+    "heading": (changed(theta=lambda h: h + 0.7), [("[truth]", "[truth]\nheading_offset = -0.7")]),
+    "clockwise": (
+        changed(theta=lambda h: np.pi / 2 - h),
+        [
+            ("[truth]", "[truth]\nheading_offset = { red = 1.5708, blue = 1.5708 }"),
+            ('heading = "theta"', 'heading = { column = "theta", unit = "-rad" }'),
+        ],
+    ),
+    "bearing": (
+        lambda files: changed(bearing=lambda b: -b)(seen(files)),
+        [('bearing = "bearing"', 'bearing = { column = "bearing", unit = "-rad" }')],
+    ),
+    "camera": (
+        lambda files: changed(bearing=lambda b: b + 0.5)(seen(files)),
+        [("[sightings]", "[sightings]\nbearing_offset = -0.5")],
+    ),
+}
+
+
+@pytest.mark.parametrize("name", TURNED)
+def test_what_is_turned_or_of_the_wrong_sign_is_corrected_by_its_setting(team, name):
+    change, settings = TURNED[name]
+    folder = team(change)
+    inspected = cl.inspect(folder).inspected
+    assert {one.kind for one in inspected.findings} == {{"clockwise": "heading", "camera": "bearing"}.get(name, name)}
+    text, said = inspected.text, inspected.findings[0].change
+    assert all(word in said for word in re.findall(r"-rad|heading_offset|bearing_offset", str(settings)))
+    for old, new in settings:
+        text = text.replace(old, new, 1)
+    (folder / "log.toml").write_text(text)
+    assert cl.inspect(folder).inspected.findings == ()
 
 
 def test_beside_a_robot_by_its_name_a_number_is_of_no_robot():
