@@ -17,7 +17,7 @@ from cooploc.estimators.interface import Array, World
 from cooploc.estimators.models import wrap
 from cooploc.scenarios import resolve
 from cooploc.scenarios.recordings.inspect import motion
-from cooploc.scenarios.recordings.inspect.checks import Finding
+from cooploc.scenarios.recordings.inspect.findings import Finding
 from cooploc.scenarios.recordings.inspect.inspection import SeriesRow, count_measurements, series_rows
 from cooploc.scenarios.recordings.inspect.motion import dead_reckoned, known_truth
 from cooploc.scenarios.recordings.scenario import TeamScenario

@@ -1,4 +1,4 @@
-"""Checks of a recording: gaps, units, clocks, impossible positions, frames, and readings against the truth.
+"""Checks of a recording: gaps, units, clocks, impossible positions and frames; `reading_checks` has those of readings.
 
 Units come first, as they need neither clocks nor frames: the speed of a robot is a number that no shift of a clock,
 turn or mirroring of a frame changes. Then clocks; then frames and headings. A finding is reported, never applied: it
@@ -6,9 +6,7 @@ comes from the truth, which would otherwise reach the estimators that are judged
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from functools import partial
-from typing import Any, NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 import scipy
@@ -16,60 +14,23 @@ import scipy
 from cooploc.estimators.interface import Array, Mask
 from cooploc.estimators.models import wrap
 from cooploc.scenarios.recordings.inspect import motion
-from cooploc.scenarios.recordings.team_log import ReadingSeries, Series, TeamLog, other_names
+from cooploc.scenarios.recordings.inspect.findings import (
+    FOLLOWS,
+    LEAST_DELAY,
+    LENGTH_UNITS,
+    LONGEST_DELAY,
+    CheckedLog,
+    divide_columns,
+    unit_of_ratio,
+)
+from cooploc.scenarios.recordings.inspect.reading_checks import (
+    check_bearings,
+    check_biases,
+    check_delays,
+    check_range_units,
+)
+from cooploc.scenarios.recordings.team_log import TeamLog
 from cooploc.scenarios.recordings.text_files import count_of
-
-Values = TypeVar("Values", Series, ReadingSeries)
-
-
-class Finding(NamedTuple):
-    """A fact about a recording that is odd, its place, and the setting of log.toml that would correct it.
-
-    Kinds: unit, degrees, radians (read as another unit), clock (stamps with an offset), robots (truths of two were
-    exchanged), axes (x and y exchanged), mirrored (left is right), frame (turned), heading (clockwise, or with an
-    offset), turn sign (positive to the right), jump (away and back), stale (positions that repeat), gap, span (begins
-    late or ends early), bias (of ranges), bearing and dropped (what could not be read).
-    """
-
-    kind: str
-    robot: str  # whose data it is; "" if it is not one robot's
-    source: str  # file or topic
-    fact: str  # what was measured, with its numbers
-    sure: str  # "sure", "likely" or "perhaps"
-    setting: str  # what to write in log.toml, or in words where the files themselves must be corrected
-    table: str = ""  # of log.toml: "truth", "odometry" or a channel of readings
-    columns: tuple[str, ...] = ()  # quantities in the table that it is about, such as x, y
-
-    @property
-    def setting_of_columns(self) -> str:
-        """The setting, with the columns it is about."""
-        return ", ".join(self.columns) + ": " * bool(self.columns) + self.setting
-
-    @property
-    def change(self) -> str:
-        """The setting that corrects it, with its table: [truth] clock_offset = -2.5."""
-        return f"[{self.table}] " * bool(self.table) + self.setting_of_columns
-
-
-@dataclass
-class CheckedLog:
-    """A recording under inspection: findings so far, and the data with them corrected, for the next checks."""
-
-    log: TeamLog
-    findings: list[Finding] = field(default_factory=list)
-
-    def add(self, kind: str, robot: int | None, *facts: Any) -> None:
-        """Add a finding about a robot or, if it is None, about none; `facts` are the other fields of a `Finding`."""
-        self.findings.append(Finding(kind, "" if robot is None else self.log.robots[robot], *facts))
-
-    def correct(self, table: str, robot: int | None, data: Series | ReadingSeries) -> None:
-        """Replace one robot's "truth" or "odometry"; without a robot, the readings of the channel `table`."""
-        if robot is None:
-            changed: dict[str, Any] = {"readings": {**self.log.readings, table: data}}
-        else:
-            every = getattr(self.log, table)
-            changed = {table: (*every[:robot], data, *every[robot + 1 :])}
-        self.log = self.log._replace(**changed)
 
 
 def check_recording(log: TeamLog) -> CheckedLog:
@@ -95,13 +56,6 @@ def check_recording(log: TeamLog) -> CheckedLog:
     check_biases(c)
     check_bearings(c)
     return c
-
-
-def divide_columns(series: Values, factor: float, columns: tuple[int, ...]) -> Values:
-    """Return a series or readings with some columns of values divided by a factor."""
-    factors = np.ones(series.values.shape[1])
-    factors[list(columns)] = 1 / factor
-    return series._replace(values=series.values * factors)
 
 
 # --- Gaps
@@ -136,18 +90,9 @@ def check_gaps(c: CheckedLog) -> None:
 FASTEST = 15.0  # [m/s] of ground robots; faster is a unit or a fault
 SCALE = 1.5  # times as fast as the truth: no calibration is so far off
 DEGREE = np.pi / 180
-# Values that were read as SI are so many times too large: kind of the finding, unit to write, factor.
-Unit = tuple[str, str, float]
-LENGTH_UNITS = (("unit", "mm", 1000.0), ("unit", "cm", 100.0), ("unit", "m", 0.01), ("unit", "m", 0.001))
-RANGE_UNITS = (*LENGTH_UNITS, ("unit", "mm", 10.0), ("unit", "cm", 0.1))  # cm taken for mm, or mm for cm
 ANGLE_UNITS = (("degrees", "deg", 1 / DEGREE), ("radians", "rad", DEGREE))
 POSITIONS = ((0, 1), ("x", "y"))
 LENGTHS = {"velocity": ((0,), ("speed",)), "path": ((0,), ("length",)), "displacement": ((0, 1), ("dx", "dy"))}
-
-
-def unit_of_ratio(ratio: float, units: tuple[Unit, ...], near: float) -> Unit | None:
-    """Return the unit whose factor the ratio of measured to true values has, up to a factor of `near`."""
-    return next((unit for unit in units if unit[2] / near < ratio < unit[2] * near), None)
 
 
 def check_lengths(c: CheckedLog, i: int) -> None:
@@ -237,7 +182,6 @@ def check_turn_unit(c: CheckedLog, i: int) -> None:
 # shifts up to a minute or a third of the recording. A robot's odometry must fit its own truth best.
 
 LONGEST_SHIFT = 60.0  # [s]
-LONGEST_DELAY, LEAST_DELAY = 5.0, 0.1  # [s] of ranges, or of a gyroscope, against the truth
 FITS = 0.5  # correlation from which odometry fits a truth
 OWN = 0.8  # correlation from which a truth is the robot's own, without comparing it with the others'
 EVIDENCE = 5.0  # standard errors that a shift, or a scale, must have
@@ -443,7 +387,6 @@ def check_jumps(c: CheckedLog, i: int) -> None:
 # A mirror (x and y exchanged is one) reverses the first; a heading counted clockwise the second; a turn rate of the
 # other sign the third. Two against one decide. With only two, ranges to things elsewhere decide, or both are named.
 
-FOLLOWS = 0.6  # mean resultant length from which one direction follows another
 OFFSET = 0.3  # [rad] of a heading against the direction of motion; a slip or an arc is less
 SIGN = 6.0  # standard errors of a slope below zero from which a sign is wrong
 BACK = "turn the positions back in the files"
@@ -559,97 +502,3 @@ def _add_mirror(c: CheckedLog, i: int, mirror: float, fact: str, sure: str) -> N
     c.correct("truth", i, truth._replace(values=values))
     columns = ("x", "y") if setting == BACK else ()
     c.add(kind, i, truth.source, f"{fact}: {words}", sure, setting, "truth", columns)
-
-
-# --- Readings
-
-BIAS = 0.1  # [m] a smaller one matters little beside the noise of ranges
-BIAS_KEYS = {"range": "range_bias", "anchor_range": "anchor_range_bias"}
-
-
-def check_range_units(c: CheckedLog) -> None:
-    """Find ranges that are 10, 100 or 1000 times the distance; within a factor of 2.5, as frames may still be wrong."""
-    for channel, readings in motion.range_channels(c.log):
-        ratio = motion.quantile(readings.values[:, 0] / motion.distances(c.log, channel), 0.5)
-        if unit := unit_of_ratio(ratio, RANGE_UNITS, 2.5):
-            fact, setting = f"ranges are {ratio:.3g} times the distances", f'unit = "{unit[1]}"'
-            c.add("unit", None, readings.source, fact, "sure", setting, motion.TABLES[channel], ("range",))
-            c.correct(channel, None, divide_columns(readings, unit[2], (0,)))
-
-
-SHARPER = 0.7  # times the spread of ranges about the distances, from which a shift of their stamps is believed
-
-
-def check_delays(c: CheckedLog) -> None:
-    """Find ranges with shifted stamps: with their shift they spread least about the distances."""
-    for channel, readings in motion.range_channels(c.log):
-        spread = partial(motion.range_spread, c.log, channel)
-        shift, now, longest = 0.0, spread(0.0), min(LONGEST_DELAY, float(np.ptp(readings.time)) / 10)
-        for width in (longest, longest / 20, longest / 200) if np.isfinite(now) else ():
-            shift = float(min(shift + width * np.linspace(-1, 1, 41), key=spread))
-            if abs(shift) < LEAST_DELAY:
-                break
-        named = ("clock", motion.TABLES[channel]) in {(one.kind, one.table) for one in c.findings}
-        if not named and abs(shift) >= LEAST_DELAY and spread(shift) < SHARPER * now:
-            fact = (
-                f"stamps of ranges are {-shift:+.3g} s from the truth's: ranges spread by {now:.2g} m about distances"
-            )
-            fact += f", and by {spread(shift):.2g} m without that"
-            c.add("clock", None, readings.source, fact, "likely", f"clock_offset = {shift:.3g}", motion.TABLES[channel])
-            c.correct(channel, None, readings._replace(time=readings.time + shift))
-
-
-def check_biases(c: CheckedLog) -> None:
-    """Find ranges of a pair that are too long or too short by a constant."""
-    for channel, readings in motion.range_channels(c.log):
-        residual = readings.values[:, 0] - motion.distances(c.log, channel)
-        found = {}
-        for i, k, rows in motion.pairs(readings, channel):
-            bias, error = (
-                motion.quantile(residual[rows], 0.5),
-                1.2533 * motion.robust_sd(residual[rows]) / np.sqrt(len(rows)),
-            )
-            if np.isfinite(residual[rows]).sum() >= motion.FEWEST and abs(bias) > max(BIAS, 5 * error):
-                found[f"{c.log.robots[i]}-{other_names(c.log, channel)[k]}"] = bias
-        if found:
-            fact = "ranges minus distances, medians: " + ", ".join(f"{pair} {b:+.2f} m" for pair, b in found.items())
-            key, typical = BIAS_KEYS.get(channel), np.median(list(found.values()))
-            setting = f"{key} = {typical:.2f}" if key else "calibrate the camera"
-            c.add("bias", None, readings.source, fact, "sure", setting, "model")
-
-
-CAMERA_OFFSET = 0.15  # [rad] of a camera against straight ahead
-
-
-def check_bearings(c: CheckedLog) -> None:
-    """Find bearings in degrees, to the right, or from elsewhere than straight ahead."""
-    place = ("sightings", ("bearing",))
-    for channel, readings in motion.range_channels(c.log):
-        if motion.TABLES[channel] != "sightings":
-            continue
-        expected = motion.bearings(c.log, channel)
-        if np.isfinite(expected).sum() < motion.FEWEST:
-            continue
-        largest = np.nanmax(np.abs(readings.values[:, 1]))
-        if largest > 2.1 * np.pi:
-            fact = f"bearings reach {largest:.4g} as read: they are in degrees"
-            c.add("degrees", None, readings.source, fact, "sure", 'unit = "deg"', *place)
-            readings = divide_columns(readings, 180 / np.pi, (1,))
-            c.correct(channel, None, readings)
-        bearing = readings.values[:, 1]
-        (follows, offset), (opposes, _) = (
-            motion.concentration(bearing - expected),
-            motion.concentration(bearing + expected),
-        )
-        if opposes > max(FOLLOWS, follows + 0.1) and motion.concentration(expected)[0] < 0.95:
-            fact = f"bearings grow to the right (agreement {opposes:.2f}, {follows:.2f} to the left)"
-            c.add("bearing", None, readings.source, fact, "sure", 'unit = "-rad" (or "-deg")', *place)
-            c.correct(channel, None, divide_columns(readings, -1.0, (1,)))
-        elif follows < FOLLOWS < (agrees := motion.concentration(bearing - motion.bearings(c.log, channel, True))[0]):
-            fact = f"bearings are from the x axis of the map, not from straight ahead (agreement {agrees:.2f})"
-            c.add("bearing", None, readings.source, fact, "sure", "subtract the heading in the files", *place)
-        elif follows > FOLLOWS and abs(offset) > CAMERA_OFFSET:
-            degrees = np.degrees(offset)
-            fact = f"bearings are {degrees:+.0f} deg from the true directions (agreement {follows:.2f})"
-            setting = f"bearing_offset = {-offset:.3g}"
-            c.add("bearing", None, readings.source, fact, "likely", setting, "sightings")

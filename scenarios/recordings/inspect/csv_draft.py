@@ -13,7 +13,6 @@ import numpy as np
 
 from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.recordings.inspect import naming
-from cooploc.scenarios.recordings.inspect.checks import Finding
 from cooploc.scenarios.recordings.inspect.columns import (
     PART,
     SEVERAL_KINDS,
@@ -25,6 +24,7 @@ from cooploc.scenarios.recordings.inspect.columns import (
     read_csv,
 )
 from cooploc.scenarios.recordings.inspect.draft_toml import Draft, DraftTable, Entry
+from cooploc.scenarios.recordings.inspect.findings import Finding
 from cooploc.scenarios.recordings.schema import COLUMNS, UNITS
 from cooploc.scenarios.recordings.text_files import TABLES, is_text
 

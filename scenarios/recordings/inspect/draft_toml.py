@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cooploc.estimators.errors import BadInput
-from cooploc.scenarios.recordings.inspect.checks import Finding
+from cooploc.scenarios.recordings.inspect.findings import Finding
 from cooploc.scenarios.recordings.sampling import span
 from cooploc.scenarios.recordings.team_log import TeamLog, arena_around
 

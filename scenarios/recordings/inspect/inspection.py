@@ -10,9 +10,10 @@ from cooploc.estimators.interface import Array
 from cooploc.scenarios.recordings import bag_storage, mrclam, schema
 from cooploc.scenarios.recordings.inspect import draft_toml
 from cooploc.scenarios.recordings.inspect.bag_draft import bag_draft
-from cooploc.scenarios.recordings.inspect.checks import GAP, Finding, check_recording
+from cooploc.scenarios.recordings.inspect.checks import GAP, check_recording
 from cooploc.scenarios.recordings.inspect.csv_draft import csv_draft
 from cooploc.scenarios.recordings.inspect.draft_toml import Draft, Entry, common_span
+from cooploc.scenarios.recordings.inspect.findings import Finding
 from cooploc.scenarios.recordings.scenario import NO_ORDER, TeamScenario, reader
 from cooploc.scenarios.recordings.team_log import TeamLog, other_names
 from cooploc.scenarios.recordings.text_files import is_text

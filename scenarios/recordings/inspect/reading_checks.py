@@ -1,0 +1,109 @@
+"""Checks of readings against the truth: units, clocks and biases of ranges, directions of bearings."""
+
+from functools import partial
+
+import numpy as np
+
+from cooploc.scenarios.recordings.inspect import motion
+from cooploc.scenarios.recordings.inspect.findings import (
+    FOLLOWS,
+    LEAST_DELAY,
+    LENGTH_UNITS,
+    LONGEST_DELAY,
+    CheckedLog,
+    divide_columns,
+    unit_of_ratio,
+)
+from cooploc.scenarios.recordings.team_log import other_names
+
+RANGE_UNITS = (*LENGTH_UNITS, ("unit", "mm", 10.0), ("unit", "cm", 0.1))  # cm taken for mm, or mm for cm
+BIAS = 0.1  # [m] a smaller one matters little beside the noise of ranges
+BIAS_KEYS = {"range": "range_bias", "anchor_range": "anchor_range_bias"}
+
+
+def check_range_units(c: CheckedLog) -> None:
+    """Find ranges that are 10, 100 or 1000 times the distance; within a factor of 2.5, as frames may still be wrong."""
+    for channel, readings in motion.range_channels(c.log):
+        ratio = motion.quantile(readings.values[:, 0] / motion.distances(c.log, channel), 0.5)
+        if unit := unit_of_ratio(ratio, RANGE_UNITS, 2.5):
+            fact, setting = f"ranges are {ratio:.3g} times the distances", f'unit = "{unit[1]}"'
+            c.add("unit", None, readings.source, fact, "sure", setting, motion.TABLES[channel], ("range",))
+            c.correct(channel, None, divide_columns(readings, unit[2], (0,)))
+
+
+SHARPER = 0.7  # times the spread of ranges about the distances, from which a shift of their stamps is believed
+
+
+def check_delays(c: CheckedLog) -> None:
+    """Find ranges with shifted stamps: with their shift they spread least about the distances."""
+    for channel, readings in motion.range_channels(c.log):
+        spread = partial(motion.range_spread, c.log, channel)
+        shift, now, longest = 0.0, spread(0.0), min(LONGEST_DELAY, float(np.ptp(readings.time)) / 10)
+        for width in (longest, longest / 20, longest / 200) if np.isfinite(now) else ():
+            shift = float(min(shift + width * np.linspace(-1, 1, 41), key=spread))
+            if abs(shift) < LEAST_DELAY:
+                break
+        named = ("clock", motion.TABLES[channel]) in {(one.kind, one.table) for one in c.findings}
+        if not named and abs(shift) >= LEAST_DELAY and spread(shift) < SHARPER * now:
+            fact = (
+                f"stamps of ranges are {-shift:+.3g} s from the truth's: ranges spread by {now:.2g} m about distances"
+            )
+            fact += f", and by {spread(shift):.2g} m without that"
+            c.add("clock", None, readings.source, fact, "likely", f"clock_offset = {shift:.3g}", motion.TABLES[channel])
+            c.correct(channel, None, readings._replace(time=readings.time + shift))
+
+
+def check_biases(c: CheckedLog) -> None:
+    """Find ranges of a pair that are too long or too short by a constant."""
+    for channel, readings in motion.range_channels(c.log):
+        residual = readings.values[:, 0] - motion.distances(c.log, channel)
+        found = {}
+        for i, k, rows in motion.pairs(readings, channel):
+            bias, error = (
+                motion.quantile(residual[rows], 0.5),
+                1.2533 * motion.robust_sd(residual[rows]) / np.sqrt(len(rows)),
+            )
+            if np.isfinite(residual[rows]).sum() >= motion.FEWEST and abs(bias) > max(BIAS, 5 * error):
+                found[f"{c.log.robots[i]}-{other_names(c.log, channel)[k]}"] = bias
+        if found:
+            fact = "ranges minus distances, medians: " + ", ".join(f"{pair} {b:+.2f} m" for pair, b in found.items())
+            key, typical = BIAS_KEYS.get(channel), np.median(list(found.values()))
+            setting = f"{key} = {typical:.2f}" if key else "calibrate the camera"
+            c.add("bias", None, readings.source, fact, "sure", setting, "model")
+
+
+CAMERA_OFFSET = 0.15  # [rad] of a camera against straight ahead
+
+
+def check_bearings(c: CheckedLog) -> None:
+    """Find bearings in degrees, to the right, or from elsewhere than straight ahead."""
+    place = ("sightings", ("bearing",))
+    for channel, readings in motion.range_channels(c.log):
+        if motion.TABLES[channel] != "sightings":
+            continue
+        expected = motion.bearings(c.log, channel)
+        if np.isfinite(expected).sum() < motion.FEWEST:
+            continue
+        largest = np.nanmax(np.abs(readings.values[:, 1]))
+        if largest > 2.1 * np.pi:
+            fact = f"bearings reach {largest:.4g} as read: they are in degrees"
+            c.add("degrees", None, readings.source, fact, "sure", 'unit = "deg"', *place)
+            readings = divide_columns(readings, 180 / np.pi, (1,))
+            c.correct(channel, None, readings)
+        bearing = readings.values[:, 1]
+        (follows, offset), (opposes, _) = (
+            motion.concentration(bearing - expected),
+            motion.concentration(bearing + expected),
+        )
+        if opposes > max(FOLLOWS, follows + 0.1) and motion.concentration(expected)[0] < 0.95:
+            fact = f"bearings grow to the right (agreement {opposes:.2f}, {follows:.2f} to the left)"
+            c.add("bearing", None, readings.source, fact, "sure", 'unit = "-rad" (or "-deg")', *place)
+            c.correct(channel, None, divide_columns(readings, -1.0, (1,)))
+        elif follows < FOLLOWS < (agrees := motion.concentration(bearing - motion.bearings(c.log, channel, True))[0]):
+            fact = f"bearings are from the x axis of the map, not from straight ahead (agreement {agrees:.2f})"
+            c.add("bearing", None, readings.source, fact, "sure", "subtract the heading in the files", *place)
+        elif follows > FOLLOWS and abs(offset) > CAMERA_OFFSET:
+            degrees = np.degrees(offset)
+            fact = f"bearings are {degrees:+.0f} deg from the true directions (agreement {follows:.2f})"
+            setting = f"bearing_offset = {-offset:.3g}"
+            c.add("bearing", None, readings.source, fact, "likely", setting, "sightings")
