@@ -8,6 +8,7 @@ Motive's usually is, x and y are X and -Z: up is the axis of the two along which
 import csv
 import io
 import re
+from collections import defaultdict
 from collections.abc import Sequence
 from typing import Any
 
@@ -62,7 +63,7 @@ def _numbers(text: str, skipped: int) -> Array:
     """Return the numbers (m, columns) below so many lines; nan where a field is empty, or is no number."""
     lines = [line for line in text.split("\n")[skipped:] if line.strip()]
     rows = [line.split(",") for line in lines]
-    width = max(map(len, rows), default=2)  # of frame and time at least
+    width = max([2, *map(len, rows)])  # frame and time, at least
     whole = pd.DataFrame([row + [""] * (width - len(row)) for row in rows], columns=range(width))
     return np.asarray(whole.apply(pd.to_numeric, errors="coerce"), float)
 
@@ -78,8 +79,9 @@ def _poses(
     bodies = [name for name, axis in of if name and axis == "TX" and (name, "TY") in of]
     if not bodies:
         return None
-    values = {(name, axis): numbers[:, k] for (name, axis), k in of.items()}
-    spread = {axis: max(_spread(values.get((name, f"T{axis}"), np.zeros(1))) for name in bodies) for axis in "YZ"}
+    values: dict[tuple[str, str], Array] = defaultdict(lambda: np.full(len(numbers), np.nan))  # nan: axes not there
+    values |= {(name, axis): numbers[:, k] for (name, axis), k in of.items()}
+    spread = {axis: max(_spread(values[name, f"T{axis}"]) for name in bodies) for axis in "YZ"}
     y_up = spread["Y"] < spread["Z"]
     tables = []
     for name in bodies:

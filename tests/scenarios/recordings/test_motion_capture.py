@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import cooploc as cl
 from cooploc.scenarios.recordings import motion_capture
@@ -74,6 +76,22 @@ def test_other_texts_are_none():
         "Objects\n50\n,,a\nFrame,Sub Frame\n,,\n",
     ):
         assert motion_capture.table_of(text) is None
+
+
+@given(
+    st.sampled_from([*EXPORTS, vicon()]),
+    st.lists(
+        st.tuples(
+            st.floats(0, 1, exclude_max=True), st.integers(0, 60), st.sampled_from(["", ",", "\n", '"', "x", "-"])
+        )
+    ),
+)
+def test_a_damaged_export_is_a_table_or_none(text, harm):
+    for place, cut, instead in harm:
+        at = int(place * len(text))
+        text = text[:at] + instead + text[at + cut :]
+    table = motion_capture.table_of(text)
+    assert table is None or {"time", "robot", "x", "y"} <= {*table}
 
 
 def test_an_export_beside_odometry_is_the_truth(tmp_path):
