@@ -309,7 +309,10 @@ def _best_fit(m: motion.RobotMotion, truth: motion.SummedMotion) -> ClockFit:
     longest = min(LONGEST_SHIFT, min(t[-1] - t[0], truth.time[-1] - truth.time[0]) / 3)
     count = int(2 * longest / window)
     coarse = np.linspace(-count * window / 2, count * window / 2, 2 * count + 1)
-    rough = correlations(coarse)
+    windows = t[0] + window * np.arange(len(edges) + count)  # shifts are half windows: all steps are in one of two rows
+    rows = [motion.drop_jumps(m.steps(truth, windows + coarse[k])) for k in range(min(2, len(coarse)))]
+    moved = [motion.Steps(*(part[k // 2 :][: len(edges) - 1] for part in rows[k % 2])) for k in range(len(coarse))]
+    rough = np.array([motion.agreement(measured, steps) for steps in moved])
     likelihood = -len(edges) / 4 * np.log1p(-(np.minimum(rough, 0.9999) ** 2))
     around = np.pad(rough, 1, constant_values=-1.0)
     peaks = (rough >= around[:-2]) & (rough >= around[2:])
@@ -319,8 +322,8 @@ def _best_fit(m: motion.RobotMotion, truth: motion.SummedMotion) -> ClockFit:
     sharp = correlations(fine)
     best, unshifted = int(np.argmax(sharp)), float(correlations(np.zeros(1))[0])
     with_it, without = np.arctanh(np.clip([sharp[best], unshifted], -0.999, 0.999))
-    windows = max(int(np.isfinite(measured.length).sum()) - 3, 1)
-    return ClockFit(float(fine[best]), float(sharp[best]), unshifted, float((with_it - without) * np.sqrt(windows / 2)))
+    evidence = (with_it - without) * np.sqrt(max(int(np.isfinite(measured.length).sum()) - 3, 1) / 2)
+    return ClockFit(float(fine[best]), float(sharp[best]), unshifted, float(evidence))
 
 
 # --- Positions that cannot be
