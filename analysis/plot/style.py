@@ -15,7 +15,6 @@ import matplotlib as mpl
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
-import seaborn as sns
 from matplotlib.axes import Axes
 from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
@@ -28,7 +27,11 @@ from cooploc.analysis.metrics.ranking import is_refused
 from cooploc.estimators import BUILTIN
 from cooploc.estimators.registry import shorten_labels
 
-BLUE, ORANGE, GREEN, VERMILION, PURPLE, BROWN, _, _, _, SKY = map(to_hex, sns.color_palette("colorblind", 10))
+# seaborn's palette "colorblind", which takes a second to import.
+BLUE, ORANGE, GREEN, VERMILION, PURPLE, BROWN, SKY = (
+    *("#0173b2", "#de8f05", "#029e73", "#d55e00", "#cc78bc", "#ca9161"),
+    "#56b4e9",
+)
 HUES = BROWN, BLUE, SKY, VERMILION, ORANGE, GREEN, PURPLE  # of built-in estimators, in the order of the registry
 OTHERS = ("#332288", "#882255", "#999933", "#44aa99")  # of estimators that are not built in; of Paul Tol's muted scheme
 ROBOTS = BLUE, ORANGE, GREEN, PURPLE, BROWN, SKY
@@ -245,7 +248,7 @@ def finish(ax: Axes, xlabel: str = "", ylabel: str = "", above: str = "", grid: 
     if grid:
         ax.grid(axis=grid, color=GRID, lw=0.8)
     ax.set_axisbelow(True)
-    sns.despine(ax=ax)
+    ax.spines[["top", "right"]].set_visible(False)
 
 
 def add_legend(ax: Axes, **more: Any) -> None:

@@ -186,18 +186,18 @@ def _draw_tracks(ax: Axes, log: TeamLog, above: str) -> None:
 
 def _draw_reading_counts(ax: Axes, log: TeamLog) -> None:
     """Draw the number of readings of a row's robot of what a column names; darker is more."""
+    import seaborn  # late, as it takes a second
+
     rows, columns, counts = count_measurements(log)
     used = [k for k in range(len(columns)) if k < len(rows) or counts[:, k].any()]
     shown = counts[:, used]
-    ax.imshow(np.where(shown > 0, np.log1p(shown), np.nan), cmap="Blues", vmin=0, aspect="auto")
-    if len(used) * len(rows) <= 60:
-        for i, k in np.ndindex(*shown.shape):
-            text = "" if used[k] == i else f"{int(shown[i, k])}"
-            dark = np.log1p(shown[i, k]) > 0.6 * np.log1p(max(shown.max(), 1))
-            ax.text(k, i, text, ha="center", va="center", fontsize="x-small", color="white" if dark else DARK)
+    own = np.equal.outer(np.arange(len(rows)), used)
+    texts = np.where(own, "", shown.astype(int).astype(str)) if shown.size <= 60 else False
     lower = [("\n" if place % 2 and len(used) > 6 else "") + columns[k] for place, k in enumerate(used)]
-    ax.set_xticks(range(len(used)), lower, fontsize="x-small")
-    ax.set_yticks(range(len(rows)), rows, fontsize="x-small")
+    how: dict[str, Any] = {"fmt": "", "annot_kws": {"fontsize": "x-small"}, "cbar": False, "cmap": "Blues", "vmin": 0}
+    labels = {"xticklabels": lower, "yticklabels": rows}
+    seaborn.heatmap(np.log1p(shown), mask=shown == 0, annot=texts, **how, **labels, ax=ax)
+    ax.tick_params(labelsize="x-small", rotation=0)
     style.finish(ax, above="readings of (column) by (row)")
 
 

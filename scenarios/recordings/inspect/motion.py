@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-import scipy
+from scipy.special import ndtri
 
 from cooploc.estimators.interface import Array, Indices, Mask
 from cooploc.estimators.models import wrap
@@ -228,7 +228,7 @@ def quantile(values: Array, share: float, fewest: int = 1) -> float:
 def robust_sd(values: Array) -> float:
     """Return the median absolute deviation of the finite values, scaled to a normal standard deviation."""
     known = values[np.isfinite(values)]
-    return float(scipy.stats.median_abs_deviation(known, scale="normal")) if len(known) else np.nan
+    return float(np.median(np.abs(known - np.median(known))) / ndtri(0.75)) if len(known) else np.nan
 
 
 def robust_slope(x: Array, y: Array) -> tuple[float, float]:

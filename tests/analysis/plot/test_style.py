@@ -2,8 +2,9 @@
 
 import matplotlib.pyplot as plt
 import pandas as pd
+import seaborn
 from made_runs import rows_of
-from matplotlib.colors import to_rgb
+from matplotlib.colors import to_hex, to_rgb
 from matplotlib.markers import MarkerStyle
 
 import cooploc as cl
@@ -18,6 +19,12 @@ def test_every_built_in_estimator_has_a_look_of_its_own_whatever_else_is_shown()
     assert len(markers) >= min(24, len(BUILTIN))  # differ in grey print
     assert all(MarkerStyle(marker).is_filled() for marker in markers)  # can be hollow
     assert style.pens(["ekf-ci", "arl"]) == {name: found[name] for name in ("ekf-ci", "arl")}
+
+
+def test_colours_are_seaborns_for_the_colour_blind():
+    own = style.BLUE, style.ORANGE, style.GREEN, style.VERMILION, style.PURPLE, style.BROWN, style.SKY
+    theirs = seaborn.color_palette("colorblind", 10)
+    assert list(own) == [to_hex(theirs[k]) for k in (0, 1, 2, 3, 4, 5, 9)]
 
 
 def test_variants_have_the_hue_of_their_method_and_others_their_own():
