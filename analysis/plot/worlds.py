@@ -196,7 +196,9 @@ def _draw_reading_counts(ax: Axes, log: TeamLog) -> None:
     lower = [("\n" if place % 2 and len(used) > 6 else "") + columns[k] for place, k in enumerate(used)]
     how: dict[str, Any] = {"fmt": "", "annot_kws": {"fontsize": "x-small"}, "cbar": False, "cmap": "Blues", "vmin": 0}
     labels = {"xticklabels": lower, "yticklabels": rows}
-    seaborn.heatmap(np.log1p(shown), mask=shown == 0, annot=texts, **how, **labels, ax=ax)
+    shade = np.log1p(shown)
+    how["vmax"] = max(shade.max(initial=0.0), 1.0)
+    seaborn.heatmap(shade, mask=shown == 0, annot=texts, **how, **labels, ax=ax)
     ax.tick_params(labelsize="x-small", rotation=0)
     style.finish(ax, above="readings of (column) by (row)")
 

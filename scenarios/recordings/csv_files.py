@@ -31,7 +31,7 @@ from cooploc.scenarios.recordings.team_log import (
     reading_tables,
     without_missing,
 )
-from cooploc.scenarios.recordings.text_files import count_of, read_lines, read_text, split_fields
+from cooploc.scenarios.recordings.text_files import count_of, read_lines, read_text, split_fields, unwrap_stamps
 
 
 def find_runs(data: Path, description: TeamDescription) -> dict[str, Path]:
@@ -134,7 +134,8 @@ def rows_of(
         lines = read_lines(path, own, named, delimiter)
         run.warnings.extend(lines.notes)
         stamp, rest = lines.values[:, :k], iter(lines.values[:, k:].T)
-        time = ((stamp - run.zero) * [c.factor for c in source.time]).sum(-1) + source.clock_offset
+        time, notes = unwrap_stamps(((stamp - run.zero) * [c.factor for c in source.time]).sum(-1))
+        run.warnings.extend(f"{path}: {note}" for note in notes)
         si = (
             _heading(*(next(rest) for _ in c.quaternion)) if c.quaternion else next(rest) * c.factor
             for c in numbers[k:]
@@ -143,7 +144,7 @@ def rows_of(
         words_of = [[source.nodes.get(word, word) for word in names] for names in lines.names]
         who = [names[0] if source.robot else robot for names in words_of]
         what = [names[-1] if of else other for names in words_of]
-        yield CsvRows(path, stamp, time, who, what, values.T.reshape(-1, len(columns)))
+        yield CsvRows(path, stamp, time + source.clock_offset, who, what, values.T.reshape(-1, len(columns)))
 
 
 def _heading(*xyzw: Array) -> Array:

@@ -171,6 +171,28 @@ def time_order(stamps: Array) -> tuple[Indices, tuple[str, ...]]:
     return np.argsort(stamps, kind="stable"), notes
 
 
+TURNS = {  # [s] after which clocks begin again
+    86_400.0: "midnight",
+    604_800.0: "the end of a week",
+    2**32 * 1e-3: "2^32 ms",
+    2**32 * 1e-6: "2^32 us",
+}
+LONGEST_PAUSE = 10.0  # [s] between the last stamp before and the first after
+
+
+def unwrap_stamps(stamps: Array) -> tuple[Array, tuple[str, ...]]:
+    """Return stamps (m,) [s] that go on where a clock begins again, and a sentence where it does."""
+    known = np.flatnonzero(np.isfinite(stamps))
+    steps = np.diff(stamps[known])
+    for turn, words in TURNS.items():
+        again = (-turn < steps) & (steps < LONGEST_PAUSE - turn)
+        if again.sum() == 1:
+            stamps = stamps.copy()
+            stamps[known[1:][np.cumsum(again) > 0]] += turn
+            return stamps, (f"stamps begin again after {words}; they go on from there",)
+    return stamps, ()
+
+
 def count_of(number: int, what: str) -> str:
     """Return a count in words: "1 line", "3 lines"."""
     return f"{number} {what}{'s' * (number != 1)}"

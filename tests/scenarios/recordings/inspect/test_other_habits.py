@@ -402,6 +402,16 @@ def test_a_gyroscope_with_a_clock_of_its_own_is_found_and_corrected(team):
     assert not [one for one in cl.inspect(folder).inspected.findings if one.kind == "clock"]
 
 
+@pytest.mark.parametrize(("turn", "unit"), [(86_400, 1), (604_800, 1), (2**32, 1000), (2**32, 1e6)])
+def test_a_clock_that_begins_again_goes_on(team, turn, unit):
+    start = two_robots(seconds=60)["odom_red.csv"]["time"][0]
+    found = cl.inspect(team(changed(time=lambda t: ((t - start) * unit + turn - 20 * unit).round(3) % turn))).inspected
+    assert {one.kind for one in found.findings} == {"dropped"}
+    assert all("they go on from there" in one.fact for one in found.findings)
+    for series in found.log.odometry:
+        np.testing.assert_allclose(np.diff(series.time), 0.1, atol=2e-3)
+
+
 def test_speeds_that_are_twice_the_truths_are_found(team):
     found = cl.inspect(team(changed(v=lambda v: 2 * v))).inspected.findings
     assert {(one.kind, one.robot) for one in found} == {("scale", robot) for robot in ROBOTS}
