@@ -45,7 +45,7 @@ def read_json_lines(path: Path) -> pd.DataFrame:
 
 
 # Other files, which are read as the CSV files that they could be.
-TABLES: Mapping[str, Callable[[Path], pd.DataFrame]] = {".parquet": pd.read_parquet, ".jsonl": read_json_lines}
+OTHER_TABLES: Mapping[str, Callable[[Path], pd.DataFrame]] = {".parquet": pd.read_parquet, ".jsonl": read_json_lines}
 
 
 class TextTable(NamedTuple):
@@ -64,12 +64,12 @@ class TextTable(NamedTuple):
 
 def is_text(path: Path) -> bool:
     """Return whether a file is a text by its name, compressed or not, or another table."""
-    return path.is_file() and path.name.lower().removesuffix(".gz").endswith((*TEXT_ENDINGS, *TABLES))
+    return path.is_file() and path.name.lower().removesuffix(".gz").endswith((*TEXT_ENDINGS, *OTHER_TABLES))
 
 
 def read_text(path: Path) -> str:
     r"""Return the text of a file, UTF-8, UTF-16 or of Windows, its line ends all \n; of a .gz file what is in it."""
-    if of_table := TABLES.get(path.suffix.lower()):
+    if of_table := OTHER_TABLES.get(path.suffix.lower()):
         try:
             table = of_table(path)
         except (ValueError, OSError, StopIteration) as e:

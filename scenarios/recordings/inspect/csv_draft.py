@@ -26,14 +26,14 @@ from cooploc.scenarios.recordings.inspect.columns import (
 from cooploc.scenarios.recordings.inspect.draft_toml import Draft, DraftTable, Entry
 from cooploc.scenarios.recordings.inspect.findings import Finding
 from cooploc.scenarios.recordings.schema import COLUMNS, UNITS
-from cooploc.scenarios.recordings.text_files import TABLES, is_text
+from cooploc.scenarios.recordings.text_files import OTHER_TABLES, is_text
 
 REMEDY = "name the files odom_NAME.csv and truth_NAME.csv, or write log.toml by hand (docs/how-to/robots.md)"
 READINGS = {"sightings": ("range", "bearing"), "ranges": ("range",), "rssi": ("rssi",)}  # table -> its columns
 STAMPS = ("time", "sec", "nsec")
 KINDS = ("velocity", "path", "increment", "displacement", "pose")  # of odometry; the first whose columns a file has
 
-# Where no file has the columns of a kind: the table and the kind that half of them belongs to, the first of a table.
+# Of odometry in two files, speeds in one and turns in the other: quantity -> its table, and the kind of odometry.
 HALVES = {"speed": ("odometry", "velocity"), "length": ("odometry", "path")}
 HALVES |= {"turn_rate": ("turns", ""), "heading": ("turns", "")}
 
@@ -45,7 +45,10 @@ def _read_files(paths: Iterable[Path], folder: Path, data: Path) -> tuple[list[C
     files, unread = [], []
     for path in paths:
         name = path.relative_to(folder if path.is_relative_to(folder) else data).as_posix()
-        fault, is_csv = f"{name}: a text, and no table", ".csv" in path.name.lower() or path.suffix in TABLES
+        fault, is_csv = (
+            f"{name}: a text, and no table",
+            ".csv" in path.name.lower() or path.suffix.lower() in OTHER_TABLES,
+        )
         try:
             file = read_csv(path, name)
             if is_csv or "1" in file.columns or any(guess.quantity for guess in file.guesses):
