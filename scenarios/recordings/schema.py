@@ -439,6 +439,12 @@ class TeamDescription(Strict):
         twice = next((name for name in names if names.count(name) > 1), None)
         if twice is not None:
             raise ValueError(f"{twice!r} is the name of two things among robots, anchors and landmarks; rename one")
+        offsets = self.truth.heading_offset if self.truth else 0.0
+        stranger = (
+            next((name for name in offsets if name not in self.robots), "") if isinstance(offsets, Mapping) else ""
+        )
+        if stranger:
+            raise ValueError(f"heading_offset in [truth] names {stranger!r}; {nearest(stranger, list(self.robots))}")
         together = self.format == "csv" and len({(t.file, t.time) for t in self._sources}) == 1
         if self.sample.tick == "lines" and not (together and len(self.robots) == 1):
             raise ValueError('tick = "lines" takes one robot, and one CSV file that has everything of a run')
@@ -497,7 +503,7 @@ def parse(path: Path, text: str) -> TeamDescription:
 def _reason(e: ValidationError) -> str:
     """Return key and remedy of an error; an unknown key comes first, as it explains one that is missing."""
     first = min(e.errors(), key=lambda error: error["type"] != "extra_forbidden")
-    path = [str(part) for part in first["loc"] if str(part).isidentifier()]
+    path = [str(part) for part in first["loc"] if str(part).isidentifier() and part != "float"]  # of a union
     if first["type"] == "extra_forbidden":
         table, key = str(first["loc"][0]) if len(first["loc"]) > 1 else "", str(first["loc"][-1])
         known = list(TABLES.get(table, TeamDescription).model_fields)

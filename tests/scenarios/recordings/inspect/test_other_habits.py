@@ -437,6 +437,8 @@ def test_turns_that_cannot_be_joined_are_one_line(team):
         (text.replace('speed = "v"', 'speed = "v"\nturn_rate = "w"'), "turn rates stand in .odometry., or in .turns."),
         (text.replace("[turns]", "[turns]\nheading = 'yaw'"), "either turn_rate or heading"),
         (text.replace("[turns]", "[turns]\nspeed = 'v'"), "there is no key 'speed' in .turns."),
+        (text.replace("[truth]", "[truth]\nheading_offset = { rad = 1.0 }"), "names 'rad'; did you mean 'red'"),
+        (text.replace("[truth]", "[truth]\nheading_offset = 'x'"), "truth.heading_offset: it must be a number"),
     ):
         (folder / "log.toml").write_text(changed)
         with pytest.raises(BadInput, match=said):
