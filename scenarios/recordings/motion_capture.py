@@ -2,7 +2,7 @@
 
 Their CSV files name rigid bodies and axes in several lines above the numbers. Here each body has lines of its own, of
 `time` [s], `robot`, `x` and `y` [m], and the orientation as `qx` to `qw` or as `yaw` [rad]. Of an export with Y up, as
-Motive's usually is, x and y are X and -Z: up is the axis of the two along which the bodies move least.
+Motive's usually is, x and y are X and -Z: up is the axis of the two along which all bodies together extend least.
 """
 
 import csv
@@ -60,7 +60,7 @@ def _vicon(text: str) -> pd.DataFrame | None:
 
 
 def _numbers(text: str, skipped: int) -> Array:
-    """Return the numbers (m, columns) below so many lines; nan where a field is empty, or is no number."""
+    """Return the numbers (m, columns) below the first `skipped` lines, nan in fields that hold none."""
     lines = [line for line in text.split("\n")[skipped:] if line.strip()]
     rows = [line.split(",") for line in lines]
     width = max([2, *map(len, rows)])  # frame and time, at least
@@ -81,8 +81,8 @@ def _poses(
         return None
     values: dict[tuple[str, str], Array] = defaultdict(lambda: np.full(len(numbers), np.nan))  # nan: axes not there
     values |= {(name, axis): numbers[:, k] for (name, axis), k in of.items()}
-    spread = {axis: max(_spread(values[name, f"T{axis}"]) for name in bodies) for axis in "YZ"}
-    y_up = spread["Y"] < spread["Z"]
+    spread_y, spread_z = (_spread(np.concatenate([values[name, axis] for name in bodies])) for axis in ("TY", "TZ"))
+    y_up = spread_y < spread_z
     tables = []
     for name in bodies:
         x, y = values[name, "TX"], -values[name, "TZ"] if y_up else values[name, "TY"]

@@ -64,7 +64,8 @@ class TextTable(NamedTuple):
 
 def is_text(path: Path) -> bool:
     """Return whether a file is a text by its name, compressed or not, or another table."""
-    return path.is_file() and path.name.lower().removesuffix(".gz").endswith((*TEXT_ENDINGS, *OTHER_TABLES))
+    name = path.name.lower()
+    return path.is_file() and (name.removesuffix(".gz").endswith(TEXT_ENDINGS) or name.endswith((*OTHER_TABLES,)))
 
 
 def read_text(path: Path) -> str:

@@ -45,10 +45,8 @@ def _read_files(paths: Iterable[Path], folder: Path, data: Path) -> tuple[list[C
     files, unread = [], []
     for path in paths:
         name = path.relative_to(folder if path.is_relative_to(folder) else data).as_posix()
-        fault, is_csv = (
-            f"{name}: a text, and no table",
-            ".csv" in path.name.lower() or path.suffix.lower() in OTHER_TABLES,
-        )
+        fault = f"{name}: a text, and no table"
+        is_csv = ".csv" in path.name.lower() or path.suffix.lower() in OTHER_TABLES
         try:
             file = read_csv(path, name)
             if is_csv or "1" in file.columns or any(guess.quantity for guess in file.guesses):

@@ -68,6 +68,13 @@ def test_poses_are_those_that_were_written(text):
             np.testing.assert_allclose(found[known], true[known], atol=1e-6)
 
 
+def test_robots_that_drive_along_x_on_two_lanes_show_what_is_up():
+    lanes = "Objects\n10\n,,a:a,,,,,,b:b,,,,,\nFrame,Sub Frame,RX,RY,RZ,TX,TY,TZ,RX,RY,RZ,TX,TY,TZ\n" + "," * 13 + "\n"
+    for k in range(20):  # they shake more up and down than aside
+        lanes += f"{k + 1},0,0,0,0,{100 * k},1000,{5 * (k % 3)},0,0,0,{90 * k},2000,{5 * (k % 2)}\n"
+    assert {*motion_capture.table_of(lanes)["y"]} == {1.0, 2.0}
+
+
 def test_other_texts_are_none():
     for text in (
         "time,x,y\n1,2,3\n",
