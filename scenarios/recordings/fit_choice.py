@@ -9,7 +9,9 @@ L. Breiman et al., "Classification and Regression Trees", 1984, sec. 3.4.3 (the 
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from functools import cache
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import gammaln, ndtr
@@ -24,36 +26,61 @@ from cooploc.scenarios.recordings.team_log import TeamLog
 PIECES = 5  # of a single part
 
 
-def choose_fit(log: TeamLog, parts: Sequence[fit.FitPart], how: fit.FitSettings) -> tuple[fit.FitSettings, str]:
-    """Return the settings with `robust` as chosen, and a sentence that says why, with both scores.
+class HeldOut(NamedTuple):
+    """A left-out part of a recording, and the models that were fitted on the rest; None where that is too little."""
 
-    What is left out is scored by the CRPS, a distance between forecast and reading that is proper and grows but
-    linearly with an outlier. Huber's fit is taken unless least squares is better.
-    """
-    if not parts:
-        return how._replace(robust=True), "nothing is fitted"
-    errors = np.array([[held_out_error(log, *fold, how, robust) for robust in (False, True)] for fold in _folds(parts)])
-    errors = errors[np.isfinite(errors).all(1)]
-    if len(errors) < 2:
-        return how._replace(robust=True), "fitted with Huber's loss (too little can be left out to compare)"
-    (plain, huber), kind = np.exp(np.log(errors).mean(0)), _kind_of(parts)
-    if is_no_worse(errors):
-        why = f"fitted with Huber's loss (CRPS of left-out {kind} {huber:.3g}, {plain:.3g} by least squares)"
-        return how._replace(robust=True), why
-    why = f"fitted by least squares (CRPS of left-out {kind} {plain:.3g}, {huber:.3g} with Huber's loss)"
-    return how._replace(robust=False), why
+    part: fit.FitPart
+    how: fit.FitSettings  # of the fit; each reading is predicted alone
+    models: fit.TeamModels | None
+    residuals: list[fit.LinkResiduals]
 
 
-def _folds(parts: Sequence[fit.FitPart]) -> list[tuple[list[fit.FitPart], fit.FitPart]]:
+def choose(
+    log: TeamLog, parts: Sequence[fit.FitPart], how: fit.FitSettings, robust: bool | None, loss: Loss | None
+) -> tuple[fit.FitSettings, Loss, str]:
+    """Return the settings with `robust`, the loss of readings, and a sentence that says why; None: to be chosen."""
     pieces = list(parts)
     if len(parts) == 1:
         edges = np.linspace(parts[0].begin, parts[0].end, PIECES + 1).tolist()
         pieces = [parts[0]._replace(begin=a, end=b) for a, b in pairwise(edges)]
-    return [([*pieces[:i], *pieces[i + 1 :]], out) for i, out in enumerate(pieces)]
+    kind = "pieces" if len(parts) == 1 else "runs"
+
+    @cache
+    def hold_out(robust: bool) -> list[HeldOut]:
+        settings, found = how._replace(robust=robust, inflate=False), []
+        for i, out in enumerate(pieces):
+            one = HeldOut(out, settings, None, [])
+            with suppress(BadInput):
+                models = fit.team_models(log, [*pieces[:i], *pieces[i + 1 :]], settings)
+                one = one._replace(models=models, residuals=[*fit.link_residuals(log, [], out, models, settings)])
+            found.append(one)
+        return found
+
+    why = "fitted as asked"
+    if robust is None and not parts:
+        robust, why = True, "nothing is fitted"
+    elif robust is None:
+        errors = [[held_out_error(log, one) for one in hold_out(which)] for which in (False, True)]
+        robust, why = choose_fit(np.transpose(errors), kind)
+    if loss is None:
+        loss, of_loss = choose_loss(hold_out(robust), kind)
+        why = f"{why}; {of_loss}"
+    return how._replace(robust=robust), loss, why
 
 
-def _kind_of(parts: Sequence[fit.FitPart]) -> str:
-    return "pieces" if len(parts) == 1 else "runs"
+def choose_fit(errors: Array, kind: str) -> tuple[bool, str]:
+    """Return whether Huber's loss is minimised, by errors (parts, 2) of fits by least squares and by it, and why.
+
+    What is left out is scored by the CRPS, a distance between forecast and reading that is proper and grows but
+    linearly with an outlier. Huber's fit is taken unless least squares is better.
+    """
+    errors = errors[np.isfinite(errors).all(1)]
+    if len(errors) < 2:
+        return True, "fitted with Huber's loss (too little can be left out to compare)"
+    plain, huber = np.exp(np.log(errors).mean(0))
+    if is_no_worse(errors):
+        return True, f"fitted with Huber's loss (CRPS of left-out {kind} {huber:.3g}, {plain:.3g} by least squares)"
+    return False, f"fitted by least squares (CRPS of left-out {kind} {plain:.3g}, {huber:.3g} with Huber's loss)"
 
 
 SPREADS: Mapping[Loss, float] = {  # log of the integral of exp(-rho)
@@ -63,31 +90,26 @@ SPREADS: Mapping[Loss, float] = {  # log of the integral of exp(-rho)
 }
 
 
-def choose_loss(log: TeamLog, parts: Sequence[fit.FitPart], how: fit.FitSettings) -> tuple[Loss, str]:
+def choose_loss(found: Sequence[HeldOut], kind: str) -> tuple[Loss, str]:
     """Return the loss by which filters weigh the readings, and a sentence that says why, with its score.
 
-    What is left out is scored as by `choose_fit`, by the log-likelihood of its readings under the density of each loss.
-    Readings count fully unless another density is better by more than one standard error over the parts.
+    What is left out is scored by the log-likelihood of its readings under the density of each loss. Readings count
+    fully unless another density is better by more than one standard error over the parts.
     """
     scores = []
-    for fitted, out in _folds(parts):
-        with suppress(BadInput):
-            models = fit.team_models(log, fitted, how._replace(inflate=False))
-            found = [
-                one.residual / one.sigma for one in fit.link_residuals(log, [], out, models, how) if len(one.residual)
-            ]
-            d2 = np.concatenate(found or [np.empty(0)]) ** 2
-            if len(d2):
-                scores.append([(lost(loss, d2, 1) / 2).mean() + spread for loss, spread in SPREADS.items()])
-    if len(scores) < 2:
-        return "none", "every reading counts fully (loss=none)"
-    gains = np.array(scores)[:, :1] - np.array(scores)[:, 1:]
-    mean, error = gains.mean(0), gains.std(0, ddof=1) / np.sqrt(len(gains))
-    best = int(np.argmax(mean))
-    if mean[best] <= error[best]:
-        return "none", "every reading counts fully (loss=none)"
-    gain = f"left-out {_kind_of(parts)}: log-likelihood {mean[best]:+.2g} a reading, standard error {error[best]:.2g}"
-    return list(SPREADS)[1 + best], f"far readings count less (loss={list(SPREADS)[1 + best]}; {gain})"
+    for one in found:
+        d2 = np.concatenate([np.empty(0), *(e.residual / e.sigma for e in one.residuals)]) ** 2
+        if len(d2):
+            scores.append([(lost(loss, d2, 1) / 2).mean() + spread for loss, spread in SPREADS.items()])
+    if len(scores) >= 2:
+        gains = np.array(scores)[:, :1] - np.array(scores)[:, 1:]
+        mean, error = gains.mean(0), gains.std(0, ddof=1) / np.sqrt(len(gains))
+        best = int(np.argmax(mean))
+        if mean[best] > error[best]:
+            loss = list(SPREADS)[1 + best]
+            gain = f"left-out {kind}: log-likelihood {mean[best]:+.2g} a reading, standard error {error[best]:.2g}"
+            return loss, f"far readings count less (loss={loss}; {gain})"
+    return "none", "every reading counts fully (loss=none)"
 
 
 def is_no_worse(errors: Array) -> bool:
@@ -96,23 +118,19 @@ def is_no_worse(errors: Array) -> bool:
     return bool(worse.mean() <= worse.std(ddof=1) / np.sqrt(len(worse)))
 
 
-def held_out_error(
-    log: TeamLog, fitted: Sequence[fit.FitPart], out: fit.FitPart, how: fit.FitSettings, robust: bool
-) -> float:
+def held_out_error(log: TeamLog, one: HeldOut) -> float:
     """Return the geometric mean over quantities of the mean CRPS in what is left out; nan where nothing is fitted."""
-    how = how._replace(robust=robust, inflate=False)  # each reading is predicted alone
-    try:
-        models = fit.team_models(log, fitted, how)
-    except BadInput:
+    how, models = one.how, one.models
+    if models is None:
         return np.nan
     found: dict[str, list[Array]] = {}
-    for one in fit.link_residuals(log, [], out, models, how):
-        found.setdefault(one.what, []).append(crps(one.residual, one.sigma))
+    for e in one.residuals:
+        found.setdefault(e.what, []).append(crps(e.residual, e.sigma))
     sigmas = {"displacement": models.motion.sigma} if isinstance(models.motion, Displacement) else {}
     if isinstance(models.motion, Unicycle):
         sigmas = {"length": models.motion.sigma_v * how.tick, "turn": models.motion.sigma_omega * how.tick}
     for robot, scale in zip(log.robots, models.scales, strict=True):
-        for track in fit.tracks_of([out], robot, how):
+        for track in fit.tracks_of([one.part], robot, how):
             for quantity, sigma in sigmas.items():
                 x, y, dt = fit.PAIRS[quantity](track._replace(odometry=track.odometry * scale))
                 found.setdefault(quantity, []).append(crps((y - x) / np.sqrt(dt), sigma / how.tick**0.5))

@@ -35,7 +35,7 @@ from cooploc.scenarios.recordings.fit import (
     link_residuals,
     team_models,
 )
-from cooploc.scenarios.recordings.fit_choice import choose_fit, choose_loss
+from cooploc.scenarios.recordings.fit_choice import choose
 from cooploc.scenarios.recordings.sampling import Gaps, Grid, grid_of_lines
 from cooploc.scenarios.recordings.schema import NAME, TeamDescription
 from cooploc.scenarios.recordings.team_log import TeamLog, arena_around
@@ -206,15 +206,10 @@ class TeamScenario(schema.Model):
             others = self.folder.others(self.run) if fit.on == "other runs" else []
             parts = [fit_part(other, *sampling.span(other), self._gaps, lines) for other in others]
         stated = self.folder.description.model.model_dump() | self._overrides(tuple(schema.Model.model_fields))
-        inflate, choice = self.correlation == "inflate", "fitted as asked"
+        inflate = self.correlation == "inflate"
         how = FitSettings(grid.tick, self._gaps, stated, self.bias, bool(self.robust), inflate)
-        if self.robust is None:
-            how, choice = choose_fit(log, parts, how)
+        how, loss, choice = choose(log, parts, how, self.robust, self.loss or fit.loss)
         models = team_models(log, parts, how)
-        loss = self.loss or fit.loss
-        if loss is None:
-            loss, why = choose_loss(log, parts, how)
-            choice = f"{choice}; {why}"
         corners, fixed = self.folder.description.arena, np.concatenate([log.anchors.positions, log.landmarks.positions])
         if not corners and not len(fixed):
             lack = "there are no fixed things around which the arena lies; state its corners [m] in log.toml"

@@ -206,9 +206,9 @@ def correlation(a: Array, b: Array) -> float:
     known = np.isfinite(a) & np.isfinite(b)
     if known.sum() < FEWEST_WINDOWS:
         return 0.0
-    a, b = a[known], b[known]
-    scale = a.std() * b.std()
-    return float(((a - a.mean()) * (b - b.mean())).mean() / scale) if scale > 1e-12 else 0.0
+    a, b = a[known] - a[known].mean(), b[known] - b[known].mean()
+    scale = np.sqrt((a @ a) * (b @ b))
+    return float(a @ b / scale) if scale > 1e-12 * len(a) else 0.0
 
 
 def drop_jumps(steps: Steps) -> Steps:
