@@ -130,6 +130,9 @@ def _pose(place: Any, q: Any) -> Row:
     return (place.x, place.y, place.z, float(heading))
 
 
+NUMBERS = [f"std_msgs/msg/{kind}{bits}" for kind in ("Float", "Int", "UInt") for bits in (8, 16, 32, 64)]
+
+
 class MessageKind(NamedTuple):
     """The numbers that are read of one type of message."""
 
@@ -152,12 +155,15 @@ KINDS: Mapping[str, MessageKind] = {
     "geometry_msgs/msg/TransformStamped": MessageKind(
         POSE, lambda m: [_pose(m.transform.translation, m.transform.rotation)]
     ),
+    "geometry_msgs/msg/Pose": MessageKind(POSE, lambda m: [_pose(m.position, m.orientation)]),
+    "geometry_msgs/msg/Pose2D": MessageKind(POSE, lambda m: [(m.x, m.y, 0.0, m.theta)]),
+    "geometry_msgs/msg/PointStamped": MessageKind(POSE, lambda m: [(m.point.x, m.point.y, m.point.z, np.nan)]),
     "geometry_msgs/msg/Twist": MessageKind(TWIST, lambda m: [_speeds(m)]),
     "geometry_msgs/msg/TwistStamped": MessageKind(TWIST, lambda m: [_speeds(m.twist)]),
+    "geometry_msgs/msg/TwistWithCovarianceStamped": MessageKind(TWIST, lambda m: [_speeds(m.twist.twist)]),
     "geometry_msgs/msg/PoseArray": MessageKind(POSE, lambda m: [_pose(p.position, p.orientation) for p in m.poses]),
     "sensor_msgs/msg/Range": MessageKind(("range [m]",), lambda m: [(m.range,)]),
-    "std_msgs/msg/Float32": MessageKind(("value",), lambda m: [(m.data,)]),
-    "std_msgs/msg/Float64": MessageKind(("value",), lambda m: [(m.data,)]),
+    **{name: MessageKind(("value",), lambda m: [(m.data,)]) for name in NUMBERS},
 }
 
 
@@ -175,10 +181,13 @@ def _field_values(value: Any, path: Sequence[str]) -> list[Any]:
 
 
 def fields_of(message: Any) -> dict[str, list[Any]]:
-    """Return the numbers and words in a message by the names of their fields, without its header."""
+    """Return the numbers and words in a message by the names of their fields; of headers the frame alone."""
     found: dict[str, list[Any]] = {}
-    for name in (field.name for field in dataclasses.fields(message) if field.name not in ("header", "__msgtype__")):
+    for name in (field.name for field in dataclasses.fields(message) if field.name != "__msgtype__"):
         value = getattr(message, name)
+        if name == "header":
+            found["header.frame_id"] = [value.frame_id]
+            continue
         if isinstance(value, list | tuple | np.ndarray) and not len(value):
             found[name] = []
         for element in value[:64] if isinstance(value, list | tuple | np.ndarray) else [value]:
@@ -190,7 +199,8 @@ def fields_of(message: Any) -> dict[str, list[Any]]:
 
 def stamp_of(message: Any) -> int | None:
     """Return a message's own stamp [ns], or None where its type has no header or the stamp was never set."""
-    header = getattr(message, "header", None)
+    first = next(iter(getattr(message, "transforms", ())), message)  # of tf2_msgs/TFMessage
+    header = getattr(first, "header", None)
     return int(header.stamp.sec) * 10**9 + int(header.stamp.nanosec) or None if header else None
 
 

@@ -4,7 +4,8 @@ A pose is in metres and radians and a speed in SI units, as ROS has it (REP 103)
 has the unit that the description says. What a camera saw (`[sightings]`) is a pose in the robot's frame, x forward
 and y left, or a geometry_msgs/PoseArray in the camera's, z forward and x right, with one detection in a message.
 
-Ranges and RSSI may be fields of messages of any type whose definition is in the bag: `range = "nodes.dis"`.
+Columns may be fields of messages of any type whose definition is in the bag, as those of a CSV file: `range =
+"nodes.dis"`, `x = "poses.pose.position.x"` with `robot = "poses.name"`.
 """
 
 import re
@@ -17,11 +18,11 @@ import numpy as np
 
 from cooploc.estimators.errors import BadInput, nearest
 from cooploc.estimators.interface import Array
-from cooploc.scenarios.recordings import bag_storage, csv_files, schema, team_log
+from cooploc.scenarios.recordings import bag_storage, csv_files, schema
 from cooploc.scenarios.recordings.bag_storage import KINDS, POSE, TWIST, Bag, Row
 from cooploc.scenarios.recordings.schema import UNITS, TeamDescription
 from cooploc.scenarios.recordings.sqlite_recovery import recover
-from cooploc.scenarios.recordings.team_log import Kind, Measured, Series, TeamLog, order_series, reading_tables
+from cooploc.scenarios.recordings.team_log import TeamLog, reading_tables
 from cooploc.scenarios.recordings.text_files import LARGEST
 
 LARGE = 10_000  # bytes of a message, such as an image, that is not compared with others
@@ -38,9 +39,16 @@ class Topic(NamedTuple):
     hashes: set[int]  # of messages, by which two recordings of one topic are known
 
 
+class Fields(NamedTuple):
+    """The fields that are read of a topic's messages; none for the numbers of `KINDS`."""
+
+    numbers: tuple[str, ...] = ()
+    names: tuple[str, ...] = ()  # who measured, what was measured
+
+
 Content = tuple[dict[str, Topic], list[str]]  # topics by name, and warnings
-Wanted = Mapping[str, tuple[str, ...]]  # topics -> fields of their messages; none for the numbers of `KINDS`
-EVERY_FIELD = ("*",)
+Wanted = Mapping[str, Fields]  # by topic
+EVERY_FIELD = Fields(("*",))
 SAMPLE = 1000  # messages of a topic whose fields are looked at
 
 
@@ -126,7 +134,9 @@ def _collect(bag: Bag, wanted: Wanted | None) -> Content:
     """Return the messages of a bag: of all topics, or those that are wanted and of a type that is read."""
     topics = {name: Topic(kind, [], [], [], set()) for name, kind in bag.types.items()}
     fields = wanted or {}
-    names = [n for n, kind in bag.types.items() if wanted is None or (n in wanted and (kind in KINDS or fields[n]))]
+    names = [
+        n for n, kind in bag.types.items() if wanted is None or (n in wanted and (kind in KINDS or fields[n].numbers))
+    ]
     unreadable = dict.fromkeys(names, 0)
     for name, time, raw in bag.messages(names):
         topic = topics[name]
@@ -139,7 +149,8 @@ def _collect(bag: Bag, wanted: Wanted | None) -> Content:
                         topic.rows.append([tuple(bag_storage.fields_of(bag.decode(raw, topic.type)).items())])
                 else:
                     message = bag.decode(raw, topic.type)
-                    rows = bag_storage.field_rows(message, of) if of else KINDS[topic.type].rows(message)
+                    of_fields = bag_storage.field_rows(message, [*of.numbers, *of.names]) if of.numbers else None
+                    rows = KINDS[topic.type].rows(message) if of_fields is None else of_fields
                     topic.stamps.append(bag_storage.stamp_of(message))
                     topic.rows.append(rows)
             topic.received.append(time)
@@ -205,17 +216,18 @@ def topics(path: Path) -> tuple[list[TopicInfo], list[str]]:
 def read_topics(path: Path, names: Collection[str], all_there: bool = True) -> tuple[dict[str, TopicSeries], list[str]]:
     """Read the numbers of topics, and warnings of what is wrong; without `all_there`, of the topics that exist.
 
-    `names` may be a mapping to the fields of messages that are read: a number, then names.
+    `names` may be a mapping to the fields of messages that are read.
     """
-    wanted = names if isinstance(names, Mapping) else dict.fromkeys(names, ())
+    wanted = names if isinstance(names, Mapping) else dict.fromkeys(names, Fields())
     content, warnings = read_content(path, wanted)
     if all_there and (lost := next((name for name in names if name not in content), None)):
         raise BadInput(f"{path}: there is no topic {lost!r}; {nearest(lost, list(content))}")
     for name, fields in wanted.items():
-        if fields and name in content and not any(content[name].rows):
+        if fields.numbers and name in content and not any(content[name].rows):
             there = read_fields(path, [name]).get(name, {})
             empty = {array for array in there if not there[array] and not any(k.startswith(f"{array}.") for k in there)}
-            absent = [field for field in fields if field not in there and field.split(".")[0] not in empty]
+            named = (*fields.numbers, *fields.names)
+            absent = [field for field in named if field not in there and field.split(".")[0] not in empty]
             if there and absent:
                 known = nearest(absent[0], list(there))
                 raise BadInput(f"{path}: messages of {name} have no field {absent[0]!r}; {known}")
@@ -244,14 +256,14 @@ def read_fields(path: Path, names: Collection[str]) -> dict[str, dict[str, list[
     return found
 
 
-def _series(path: Path, name: str, topic: Topic, shift: int, warnings: list[str], fields: Sequence[str]) -> TopicSeries:
+def _series(path: Path, name: str, topic: Topic, shift: int, warnings: list[str], fields: Fields) -> TopicSeries:
     """By rising time. Rows with a number that cannot be a measurement are left out.
 
     The times are the headers' where they are set and near the times of receipt, else those.
     """
-    if topic.type not in KINDS and not fields:
-        known = ", ".join(KINDS)
-        remedy = f'name its field, range = "FIELD"; types that need none: {known}'
+    if topic.type not in KINDS and not fields.numbers:
+        known = ", ".join(kind for kind in KINDS if kind not in bag_storage.NUMBERS)
+        remedy = f'name its fields, such as range = "FIELD"; types that need none: numbers of std_msgs, {known}'
         raise BadInput(f"{path}: topic {name} has type {topic.type}, which is not known; {remedy}")
     received, clock = np.array(topic.received, np.int64), "receipt"
     time, is_set = received / 1e9, np.array([stamp is not None for stamp in topic.stamps], bool)
@@ -267,7 +279,7 @@ def _series(path: Path, name: str, topic: Topic, shift: int, warnings: list[str]
                 warnings.append(
                     f"{name}: {n} messages without a header stamp to believe; their time of receipt is used"
                 )
-    columns = tuple(fields[:1]) or KINDS[topic.type].columns
+    columns = fields.numbers or KINDS[topic.type].columns
     time, rows = np.repeat(time, [len(rows) for rows in topic.rows]), [row for rows in topic.rows for row in rows]
     values = np.array([row[: len(columns)] for row in rows], float).reshape(-1, len(columns))
     # A heading is nan where the orientation was never set; nothing else may be.
@@ -276,7 +288,8 @@ def _series(path: Path, name: str, topic: Topic, shift: int, warnings: list[str]
     if not good.all():
         warnings.append(f"{name}: {(~good).sum()} messages hold a number that is not finite; they are left out")
     order = np.argsort(time[good], kind="stable")
-    names = [tuple(map(str, rows[k][1:])) for k in np.flatnonzero(good)[order].tolist()] if fields else []
+    rows = [rows[k] for k in np.flatnonzero(good)[order].tolist()] if fields.names else []
+    names = [tuple(map(str, row[len(columns) :])) for row in rows]
     return TopicSeries(name, topic.type, time[good][order], values[good][order], columns, clock, names)
 
 
@@ -330,87 +343,76 @@ def topics_of(source: schema.Source, robots: Sequence[str], others: Sequence[str
                 yield pattern.replace("{robot}", a).replace("{other}", b), robot, other
 
 
-def fields_named(table: schema.Source) -> tuple[str, ...]:
-    """Return the fields of messages that a table names: what was measured, and names of who measured and of what."""
-    value = getattr(table, table.columns[0]) if isinstance(table, schema.RangesTable | schema.RssiTable) else None
-    if value is None:
-        return ()
-    return (value.column, *(name.column for name in (table.robot, getattr(table, "other", None)) if name))
+def fields_named(table: schema.Source) -> Fields:
+    """Return the fields of messages that a table names."""
+    names = (table.robot, getattr(table, "other", None))
+    numbers = tuple(field for column in csv_files.columns_of(table) if column for field in column.columns)
+    return Fields(numbers, tuple(name.column for name in names if name)) if numbers else Fields()
 
 
-def values_of(table: schema.ReadingColumns, series: TopicSeries) -> tuple[Array, Array]:
-    """Return times and values (m, k) of one topic of measurements."""
+def values_of(
+    table: schema.Source, series: TopicSeries, columns: Sequence[schema.LogColumn | None]
+) -> tuple[Array, Array]:
+    """Return times and values (m, k) of one topic in SI units: of the fields that are named, or of its usual type."""
+    if any(columns):
+        return series.time, csv_files.in_si(series.values, columns)
     if isinstance(table, schema.SightingsTable):
         x, y, z = series.select("x [m]", "y [m]", "z [m]", table="sightings").T
         if series.type != "geometry_msgs/msg/PoseArray":
-            return series.time, team_log.without_missing(table, np.stack([np.hypot(x, y), np.arctan2(y, x)], -1))
+            return series.time, np.stack([np.hypot(x, y), np.arctan2(y, x)], -1)
         _, first, n = np.unique(series.time, return_index=True, return_counts=True)
         alone = first[n == 1]
-        seen = np.stack([np.hypot(x, z), np.arctan2(-x, z)], -1)[alone]
-        return series.time[alone], team_log.without_missing(table, seen)
-    of_field = getattr(table, table.columns[0])
-    if of_field is None and series.columns not in (("value",), ("range [m]",)):
+        return series.time[alone], np.stack([np.hypot(x, z), np.arctan2(-x, z)], -1)[alone]
+    if not isinstance(table, schema.ReadingColumns):
+        name = "odometry" if isinstance(table, schema.Odometry) else "truth"
+        return series.time, series.select(*ODOMETRY[getattr(table, "kind", "pose")], table=name)
+    if series.columns not in (("value",), ("range [m]",)):
         there = ", ".join(series.columns)
         raise BadInput(f"topic {series.name} has {there}, not one number; correct the topic in log.toml")
-    values = series.values[:, :1].copy()
-    if of_field is not None:
-        values *= of_field.factor
-    elif isinstance(table, schema.RangesTable):
-        values *= UNITS["m"][table.unit]
-    return series.time, team_log.without_missing(table, values)
+    return series.time, series.values * (UNITS["m"][table.unit] if isinstance(table, schema.RangesTable) else 1.0)
 
 
 def read_run(place: Path, name: str, description: TeamDescription) -> TeamLog:
     """Read one run; BadInput where a topic is of another type than its table needs."""
     d = description
-    moves = d.moves
-    if moves.kind not in ODOMETRY and not moves.in_files:
-        raise BadInput(f"{place}: a bag has odometry of kind {' or '.join(ODOMETRY)}, not {moves.kind!r}; correct kind")
-    of = [(kind, table, (*d.robots, *fixed.names)) for kind, tables, fixed in reading_tables(d) for table in tables]
-    motion: list[tuple[str, schema.Source, tuple[str, ...]]] = [("odometry", moves, ODOMETRY.get(moves.kind, ()))]
-    motion += [("truth", d.truth, ODOMETRY["pose"])] if d.truth else []
-    sources: list[tuple[schema.Source, Sequence[str]]] = [(table, ()) for _, table, _ in motion]
-    sources += [(table, others) for _, table, others in of]
-    wanted: dict[tuple[str, ...], dict[str, tuple[str, ...]]] = {(): {}}  # by the fields of messages
-    for source, others in sources:
+    if d.moves.kind not in ODOMETRY and not d.moves.in_files and not fields_named(d.moves).numbers:
+        kinds = " or ".join(ODOMETRY)
+        raise BadInput(f"{place}: a bag has odometry of kind {kinds}, not {d.moves.kind!r}; correct kind")
+    motion = [table for table in (d.odometry, d.turns, d.truth) if table]
+    sources: list[tuple[schema.Source, Sequence[str]]] = [(table, ()) for table in motion]
+    sources += [(table, (*d.robots, *fixed.names)) for _, tables, fixed in reading_tables(d) for table in tables]
+    wanted: dict[Fields, dict[str, Fields]] = {Fields(): {}}
+    for source, others in (pair for pair in sources if not pair[0].in_files):
         fields = fields_named(source)
         wanted.setdefault(fields, {}).update((t, fields) for t, _, _ in topics_of(source, d.robots, others))
     read = {fields: read_topics(place, topics, all_there=False) for fields, topics in wanted.items()}
-    found, warnings = read[()][0], list(dict.fromkeys(line for _, lines in read.values() for line in lines))
-    tables = [table for table in (moves, d.truth, *(one for _, one, _ in of)) if table and table.in_files]
-    patterns = [re.sub(r"\{\w+\}", "*", (table.file or "").replace("[", "[[]")) for table in tables]
+    warnings = list(dict.fromkeys(line for _, lines in read.values() for line in lines))
+    patterns = [re.sub(r"\{\w+\}", "*", (one.file or "").replace("[", "[[]")) for one, _ in sources if one.in_files]
     homes = [folder for folder in text_folders(place) if any(any(folder.glob(pattern)) for pattern in patterns)]
-    files = csv_files.RunFiles(homes[0] if homes else place.parent, name, d, warnings)
-    series: dict[str, dict[str, Series]] = {"odometry": {}, "truth": {}}
-    for named, text in (("odometry", d.odometry), ("truth", d.truth)):
-        series[named] |= csv_files.read_motion(files, text) if text and text.in_files else {}
-    for named, table, columns in motion:
-        for topic, robot, _ in topics_of(table, d.robots, ()):
-            if topic in found and len(found[topic].time):
-                if robot in series[named]:
-                    both = f"{series[named][robot].source} and {topic}"
-                    raise BadInput(f"robot {robot!r} has two topics in [{named}], {both}; choose")
-                values = found[topic].select(*columns, table=named)
-                series[named][robot], notes = order_series(found[topic].time + table.clock_offset, values, topic)
-                warnings += notes
-    readings: dict[Kind, list[Measured]] = {}
-    for kind, readings_table, others in of:
-        if readings_table.in_files:
-            readings.setdefault(kind, []).extend(csv_files.read_measurements(files, readings_table, others))
-            continue
-        heard = read[fields_named(readings_table)][0]
-        there = [each for each in topics_of(readings_table, d.robots, others) if each[0] in heard]
-        for topic, robot, other in there:
-            named_by = [[readings_table.nodes.get(word, word) for word in each] for each in heard[topic].names]
-            if not other and readings_table.other is None and len(d.robots) != 2:
+
+    def rows_of_topics(
+        source: schema.Source, columns: Sequence[schema.LogColumn | None], others: Sequence[str]
+    ) -> Iterator[csv_files.CsvRows]:
+        fields, seen = fields_named(source), dict[str, str]()
+        heard, is_reading = read[fields][0], isinstance(source, schema.ReadingColumns)
+        for topic, robot, other in topics_of(source, d.robots, others):
+            if topic not in heard or not (is_reading or len(heard[topic].time)):
+                continue
+            if robot in seen and not is_reading:
+                raise BadInput(f"robot {robot!r} has two topics, {seen[robot]} and {topic}; choose in log.toml")
+            seen[robot], series = topic, heard[topic]
+            named_by = [[source.nodes.get(word, word) for word in names] for names in series.names]
+            named = source.robot is not None, getattr(source, "other", None) is not None
+            if is_reading and not other and not named[1] and len(d.robots) != 2:
                 raise BadInput(f"topic {topic} does not say what was measured; write it with {{other}} in log.toml")
-            time, values = values_of(readings_table, heard[topic])
-            mate, m = other or next(name for name in d.robots if name != robot), len(time)  # its only teammate
-            robots = [each[0] for each in named_by] if readings_table.robot else [robot] * m
-            mates = [each[-1] for each in named_by] if readings_table.other else [mate] * m
-            measured = Measured(time + readings_table.clock_offset, robots, mates, values, topic)
-            readings.setdefault(kind, []).append(measured)
-        if not there:
-            names = readings_table.topic or ", ".join(readings_table.topics.values())
+            time, values = values_of(source, series, columns)
+            mate = other or next((one for one in d.robots if one != robot), "")  # its only teammate
+            who = [names[0] for names in named_by] if named[0] else [robot] * len(time)
+            what = [names[-1] for names in named_by] if named[1] else [mate] * len(time)
+            yield csv_files.CsvRows(topic, time[:, None], time + source.clock_offset, who, what, values)
+        if is_reading and not seen:
+            names = source.topic or ", ".join(source.topics.values())
             warnings.append(f"{place}: none of the topics {names} is in the bag")
-    return team_log.build_log(place, name, d, series["odometry"], series["truth"], readings, warnings)
+
+    home = homes[0] if homes else place.parent
+    return csv_files.read_tables(place, csv_files.RunFiles(home, name, d, warnings, rows_of_topics))

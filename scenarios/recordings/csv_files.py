@@ -1,6 +1,6 @@
-"""Recordings of a team in CSV files, as `log.toml` describes them."""
+"""Recordings of a team in CSV files, and in topics of a bag read as tables, as `log.toml` describes them."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import product
 from pathlib import Path
 from reprlib import repr as short_repr
@@ -61,12 +61,18 @@ class RunFiles(NamedTuple):
     name: str
     description: TeamDescription
     warnings: list[str]
+    topics: "Callable[[Source, Sequence[LogColumn | None], Sequence[str]], Iterator[CsvRows]] | None" = None  # of a bag
     zero: Array | float = 0.0  # (columns of time,) subtracted before they are summed, which keeps the nanoseconds
 
 
 def read_run(place: Path, name: str, description: TeamDescription) -> TeamLog:
     """Read one run."""
-    d, run, zero = description, RunFiles(place, name, description, []), 0.0
+    return read_tables(place, RunFiles(place, name, description, []))
+
+
+def read_tables(place: Path, run: RunFiles) -> TeamLog:
+    """Read the tables of a run; `place` is named in messages."""
+    d, zero = run.description, 0.0
     moves, poses = d.moves, d.truth
     if d.sample.tick == "lines" and poses:
         rows = next(rows_of(run, poses, [poses.x, poses.y], ()))
@@ -88,13 +94,13 @@ def read_run(place: Path, name: str, description: TeamDescription) -> TeamLog:
         for kind, tables, fixed in reading_tables(d)
     }
     warnings = list(dict.fromkeys(run.warnings))  # several tables may be in one file
-    return build_log(place, name, d, odometry, truth, readings, warnings)._replace(zero=zero)
+    return build_log(place, run.name, d, odometry, truth, readings, warnings)._replace(zero=zero)
 
 
 class CsvRows(NamedTuple):
-    """Lines of one file of a source."""
+    """Lines of one file or topic of a source."""
 
-    path: Path
+    path: Path | str
     stamp: Array  # (m, columns of time)  as in the file
     time: Array  # (m,) [s]
     robot: list[str]  # (m,) as named in the description
@@ -105,7 +111,10 @@ class CsvRows(NamedTuple):
 def rows_of(
     run: RunFiles, source: Source, columns: Sequence[LogColumn | None], others: Sequence[str]
 ) -> Iterator[CsvRows]:
-    """Yield the lines of every file of a source in one run."""
+    """Yield the lines of every file or topic of a source in one run."""
+    if run.topics and not source.in_files:
+        yield from run.topics(source, columns, others)
+        return
     pattern = (source.file or "").replace("{run}", run.name)
     words_for: dict[str, list[str]] = {}  # of a robot, in names of files and columns
     for word, name in source.nodes.items():
@@ -133,34 +142,47 @@ def rows_of(
             continue
         lines = read_lines(path, own, named, delimiter)
         run.warnings.extend(lines.notes)
-        stamp, rest = lines.values[:, :k], iter(lines.values[:, k:].T)
+        stamp = lines.values[:, :k]
         time, notes = unwrap_stamps(((stamp - run.zero) * [c.factor for c in source.time]).sum(-1))
         run.warnings.extend(f"{path}: {note}" for note in notes)
-        si = (
-            _heading(*(next(rest) for _ in c.quaternion)) if c.quaternion else next(rest) * c.factor
-            for c in numbers[k:]
-        )
-        values = np.array([np.full(len(time), np.nan) if c is None else next(si) for c in columns])
+        values = in_si(lines.values[:, k:], columns)
         words_of = [[source.nodes.get(word, word) for word in names] for names in lines.names]
         who = [names[0] if source.robot else robot for names in words_of]
         what = [names[-1] if of else other for names in words_of]
-        yield CsvRows(path, stamp, time + source.clock_offset, who, what, values.T.reshape(-1, len(columns)))
+        yield CsvRows(path, stamp, time + source.clock_offset, who, what, values)
+
+
+def in_si(numbers: Array, columns: Sequence[LogColumn | None]) -> Array:
+    """Return columns (m, k) in SI units from their numbers (m, fields), those of a quaternion together; None: nan."""
+    rest, none = iter(numbers.T), np.full(len(numbers), np.nan)
+    si = [
+        none if c is None else _heading(*(next(rest) for _ in c.quaternion)) if c.quaternion else next(rest) * c.factor
+        for c in columns
+    ]
+    return np.array(si).T.reshape(-1, len(columns))
 
 
 def _heading(*xyzw: Array) -> Array:
-    """Return the angles about z [rad] of quaternions: x, y, z, w, each (m,), or z and w."""
+    """Return the angles about z [rad] of quaternions: x, y, z, w, each (m,), or z and w; nan where all are zero."""
     z, w = xyzw[-2:]
     x, y = xyzw[:2] if len(xyzw) == 4 else (0 * z, 0 * z)
-    return np.asarray(np.arctan2(2 * (w * z + x * y), w**2 + x**2 - y**2 - z**2))
+    there = np.any(np.not_equal(xyzw, 0.0), axis=0)
+    return np.where(there, np.arctan2(2 * (w * z + x * y), w**2 + x**2 - y**2 - z**2), np.nan)
+
+
+def columns_of(table: Source) -> list[LogColumn | None]:
+    """Return the columns, or fields, that a table reads, in their order; None where it does not name one."""
+    if isinstance(table, Turns):
+        return [table.turn_rate or table.heading]
+    if isinstance(table, ReadingColumns):
+        return list(getattr(table, "each", {}).values()) or [getattr(table, name) for name in table.columns]
+    names = schema.COLUMNS[table.kind if isinstance(table, Odometry) else "pose"]
+    return [getattr(table, name) for name in names if name != "turn_rate" or getattr(table, name)]
 
 
 def read_motion(run: RunFiles, table: Odometry | Turns | GroundTruth) -> Mapping[str, Series]:
     """Return the odometry, its turns or the truth of each robot, from the first file that has lines of it."""
-    if isinstance(table, Turns):
-        columns = [table.turn_rate or table.heading]
-    else:
-        names = schema.COLUMNS[table.kind if isinstance(table, Odometry) else "pose"]
-        columns = [getattr(table, name) for name in names if name != "turn_rate" or getattr(table, name)]
+    columns = columns_of(table)
     steps = isinstance(table, Odometry) and table.kind == "increment"
     found: dict[str, Series] = {}
     strangers = set[str]()
@@ -211,8 +233,7 @@ def with_turns(moves: Series, turns: Series, are_headings: bool, kind: str, hold
 def read_measurements(run: RunFiles, table: ReadingColumns, names: Sequence[str]) -> Iterator[Measured]:
     """Yield the measurements in each file of a table, of things by these names."""
     each: Mapping[str, LogColumn] = getattr(table, "each", {})  # the column of each thing that is measured
-    columns = list(each.values()) or [getattr(table, name) for name in table.columns]
-    for rows in rows_of(run, table, columns, names):
+    for rows in rows_of(run, table, columns_of(table), names):
         stamped = np.isfinite(rows.time)
         if not stamped.all():
             left_out = f"left out {count_of(int((~stamped).sum()), 'line')} without a stamp"

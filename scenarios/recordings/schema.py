@@ -141,7 +141,10 @@ TimeColumns = Annotated[tuple[Seconds, ...], Field(min_length=1), Several]
 
 
 class Source(Strict):
-    """A source of numbers: CSV files, or topics of a bag. `{robot}` and `{other}` in them stand for names."""
+    """A source of numbers: CSV files, or topics of a bag. `{robot}` and `{other}` in them stand for names.
+
+    Of a topic whose messages are of another type than the usual ones, columns are fields: `range = "nodes.dis"`.
+    """
 
     columns: ClassVar[tuple[str, ...]] = ()  # that CSV files have, unless there is one for `each`
     file: str | None = None  # CSV, relative to the run: "odom_{robot}.csv", one for all, or "{run}.csv" of one robot
@@ -162,7 +165,8 @@ class Source(Strict):
         if self.file is not None and self.names_robot and self.robot is not None:
             raise ValueError('whose lines are they: file = "..._{robot}.csv", or robot = "the column of names"')
         each, stated = getattr(self, "each", {}), [name for name in self.columns if getattr(self, name) is not None]
-        if self.file is not None and (stated if each else len(stated) < len(self.columns)):
+        lacking = 0 < len(stated) < len(self.columns) or (self.file is not None and not stated and bool(self.columns))
+        if (self.file is not None and stated) if each else lacking:
             or_each = ', or one for each robot or anchor: each = { name = "..." }' if hasattr(self, "each") else ""
             raise ValueError(f"name the columns {' and '.join(self.columns)}{or_each}")
         return self
@@ -201,9 +205,9 @@ class Odometry(Source):
 
     @model_validator(mode="after")
     def _has_its_columns(self) -> Self:
-        needed = COLUMNS[self.kind] if self.in_files else ()
         every = sorted({name for names in COLUMNS.values() for name in names})
         given = {name for name in every if getattr(self, name) is not None}
+        needed = COLUMNS[self.kind] if self.in_files or given else ()
         may_lack = {"increment": {"dy"}, "velocity": {"turn_rate"}, "path": {"turn_rate"}}.get(self.kind, set[str]())
         if not {*needed} - may_lack <= given <= {*needed}:
             takes, has = (", ".join(names) or "no columns" for names in (needed, sorted(given)))
@@ -228,8 +232,8 @@ class Turns(Source):
 
     @model_validator(mode="after")
     def _has_one_column(self) -> Self:
-        if not self.in_files or (self.turn_rate is None) == (self.heading is None):
-            raise ValueError('state file = "...", and either turn_rate or heading')
+        if (self.turn_rate is None) == (self.heading is None):
+            raise ValueError("state either turn_rate or heading")
         return self
 
 
@@ -247,10 +251,7 @@ class GroundTruth(Source):
 
 
 class ReadingColumns(Source):
-    """Measurements of something else, whose name is in the column `other` or, as `{other}`, in the file or topic.
-
-    Of messages in a bag whose type is not standard, columns are fields: `range = "nodes.dis"`, `other = "nodes.id"`.
-    """
+    """Measurements of something else, whose name is in the column `other` or, as `{other}`, in the file or topic."""
 
     other: Number | None = None
 
@@ -418,7 +419,8 @@ class TeamDescription(Strict):
             raise ValueError('robots is missing; name them: robots = ["red", "blue"]')
         if self.odometry is None:
             raise ValueError(f"[odometry] is missing; {EXAMPLE}")
-        columns = COLUMNS[self.odometry.kind] if self.odometry.in_files else ()
+        stated = self.odometry.in_files or self.odometry.speed or self.odometry.length
+        columns = COLUMNS[self.odometry.kind] if stated else ()
         if ("turn_rate" in columns and self.odometry.turn_rate is None) != (self.turns is not None):
             takes = f"kind {self.odometry.kind!r} takes {', '.join(columns) or 'no columns'}"
             raise ValueError(f"{takes}; turn rates stand in [odometry], or in [turns] where they are in other files")

@@ -7,7 +7,7 @@ from rosbags.rosbag2 import Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from cooploc.estimators.errors import BadInput
-from cooploc.scenarios.recordings.bags import find_runs, read_topics
+from cooploc.scenarios.recordings.bags import Fields, find_runs, read_topics
 from cooploc.scenarios.recordings.inspect.bag_draft import bag_draft
 from cooploc.scenarios.recordings.inspect.inspection import inspect_recording
 
@@ -180,7 +180,7 @@ def test_ranges_in_arrays_of_messages_that_are_not_standard_are_read_by_their_fi
     (left_out,) = {line.split("left out ")[1] for f in found.findings if "left out" in (line := f.fact)}
     assert left_out == "66 readings of '101': neither a robot of the team nor a place"
     with pytest.raises(BadInput, match=r"messages of /red/uwb have no field 'nodes\.dist'; .*nodes\.dis"):
-        read_topics(tmp_path, {"/red/uwb": ("nodes.dist", "nodes.id")})
+        read_topics(tmp_path, {"/red/uwb": Fields(("nodes.dist",), ("nodes.id",))})
 
 
 def test_numbers_that_a_robot_would_share_with_itself_are_of_anchors(tmp_path):
