@@ -244,6 +244,7 @@ class GroundTruth(Source):
     x: Metres | None = None
     y: Metres | None = None
     heading: Angle | None = None  # counter-clockwise from x
+    origin: Place | None = None  # latitude, longitude [deg] of x = y = 0, where y and x are such degrees
     heading_offset: PerRobot = 0.0  # [rad] added to headings: of all robots, or of each by name
     frame: Literal["as recorded", "mirrored", "swapped"] = "as recorded"  # mirrored: y downwards; swapped: x is y
     repeats: Literal["stale", "still"] = "still"  # meaning of a position that equals the one before exactly

@@ -1,10 +1,11 @@
 """Small bags of all three kinds, written by rosbags: two robots drive circles, see things and measure ranges."""
 
 import numpy as np
+from rosbags.interfaces import Nodetype
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
-from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 ROS1, ROS2 = get_typestore(Stores.ROS1_NOETIC), get_typestore(Stores.ROS2_HUMBLE)
 KINDS = ("ros1", "sqlite3", "mcap")
@@ -56,52 +57,73 @@ def made_bag(folder, kind, seconds=2.0, behind=0, start=START, name="team", name
     return path, {topic: (np.array(stamps), np.array(rows)) for topic, (stamps, rows) in truth.items()}
 
 
+def made_message(store, name, ns, values):
+    """A message of any type with some of its fields, such as {"pose.position.x": 1.0}, and zeros; stamps are `ns`."""
+
+    def value_of(node, kind, given, inside):
+        if node == Nodetype.NAME:
+            return made_message(store, kind, ns, inside)
+        if node == Nodetype.BASE:
+            return given if given is not None else "" if kind[0] == "string" else 0.0 if "float" in kind[0] else 0
+        (element, of), size = kind
+        if element == Nodetype.NAME:
+            return [made_message(store, of, ns, one) for one in given or ()]
+        return given if of[0] == "string" else np.array(np.zeros(size) if given is None else given, of[0])
+
+    if name == "builtin_interfaces/msg/Time":
+        return store.types[name](sec=ns // 10**9, nanosec=ns % 10**9)
+    fields = {}
+    for field, (node, kind) in store.fielddefs[name][1]:
+        inside = {key.removeprefix(f"{field}."): one for key, one in values.items() if key.startswith(f"{field}.")}
+        fields[field] = value_of(node, kind, values.get(field), inside)
+    return store.types[name](**fields)
+
+
+def write_messages(path, messages, definitions=None):
+    """A ROS 2 bag of (topic, type, seconds, fields), received a millisecond later; `definitions` are of other types."""
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    for name, definition in (definitions or {}).items():
+        store.register(get_types_from_msg(definition, name))
+    with Writer2(path, version=9) as writer:
+        connections = {}
+        for topic, name, seconds, fields in sorted(messages, key=lambda one: one[2]):
+            if topic not in connections:
+                connections[topic] = writer.add_connection(topic, name, typestore=store)
+            ns = round(seconds * 1e9)
+            content = store.serialize_cdr(made_message(store, name, ns, fields), name)
+            writer.write(connections[topic], ns + 10**6, bytes(content))
+
+
+def pose_at(x, y, z, heading, prefix=""):
+    """The fields of a pose."""
+    turn = {f"{prefix}orientation.z": np.sin(heading / 2), f"{prefix}orientation.w": np.cos(heading / 2)}
+    return {f"{prefix}position.{q}": float(value) for q, value in zip("xyz", (x, y, z), strict=True)} | turn
+
+
 def _message(store, ns, topic, k):
     """A message, and its rows: on a circle of radius 2 m, or what is seen or measured there."""
-
-    def of(package, name, **fields):
-        return store.types[f"{package}_msgs/msg/{name}"](**fields)
-
-    def geometry(name, **fields):
-        return of("geometry", name, **fields)
-
-    def pose_of(x, y, z, heading):
-        turn = geometry("Quaternion", x=0.0, y=0.0, z=np.sin(heading / 2), w=np.cos(heading / 2))
-        return geometry("Pose", position=geometry("Point", x=x, y=y, z=z), orientation=turn)
-
-    stamp = store.types["builtin_interfaces/msg/Time"](sec=ns // 10**9, nanosec=ns % 10**9)
-    header = of("std", "Header", stamp=stamp, frame_id="world", **({"seq": 0} if store is ROS1 else {}))
     side = 0.0 if "red" in topic else np.pi
     angle = 0.1 * k / RATE + side
-    at = x, y, z, _ = 2 * np.cos(angle), 2 * np.sin(angle), 0.15, angle + np.pi / 2 - 2 * side
-    pose, v, omega = pose_of(*at), 0.2, 0.1
-    linear, angular = geometry("Vector3", x=v, y=0.0, z=0.0), geometry("Vector3", x=0.0, y=0.0, z=omega)
-    twist = geometry("Twist", linear=linear, angular=angular)
-    posed = geometry("PoseWithCovariance", pose=pose, covariance=np.zeros(36))
-    name = TOPICS[topic].split("/")[-1]
-    if name == "Odometry":
-        moved = geometry("TwistWithCovariance", twist=twist, covariance=np.zeros(36))
-        message = of("nav", name, header=header, child_frame_id="base_link", pose=posed, twist=moved)
-        return message, [(*at, v, omega)]
-    if name == "PoseStamped":
-        return geometry(name, header=header, pose=pose), [at]
-    if name == "PoseWithCovarianceStamped":
-        return geometry(name, header=header, pose=posed), [at]
-    if name == "TransformStamped":
-        place = geometry("Vector3", x=x, y=y, z=z)
-        transform = geometry("Transform", translation=place, rotation=pose.orientation)
-        return geometry(name, header=header, child_frame_id="blue", transform=transform), [at]
-    if name == "Twist":
-        return twist, [(v, omega)]
-    if name == "TwistStamped":
-        return geometry(name, header=header, twist=twist), [(v, omega)]
-    if name == "PoseArray":
-        rows = [(3.0 + i, 0.5 * i, 0.1, 0.0) for i in range(k % 3)]
-        return geometry(name, header=header, poses=[pose_of(*row) for row in rows]), rows
-    if name == "Range":
-        limits = {"radiation_type": 0, "field_of_view": 0.0, "min_range": 0.0, "max_range": 100.0}
-        far = 4.0 + 0.125 * (k % 5)
-        return of("sensor", name, header=header, range=far, **limits), [(far,)]
-    if name == "String":
-        return of("std", name, data="hello " * (k % 4)), [(0.0,)]
-    return of("std", name, data=-40.0 - k % 7), [(-40.0 - k % 7,)]
+    heading = angle + np.pi / 2 - 2 * side
+    at = 2 * np.cos(angle), 2 * np.sin(angle), 0.15, heading
+    name, (v, omega) = TOPICS[topic], (0.2, 0.1)
+    twist, far, number = {"linear.x": v, "angular.z": omega}, 4.0 + 0.125 * (k % 5), -40.0 - k % 7
+    seen = [(3.0 + i, 0.5 * i, 0.1, 0.0) for i in range(k % 3)]
+    moved = {f"translation.{q}": value for q, value in zip("xyz", at, strict=False)}
+    turned = {"rotation.z": np.sin(heading / 2), "rotation.w": np.cos(heading / 2)}
+
+    def inside(prefix, values):
+        return {f"{prefix}.{key}": value for key, value in values.items()}
+
+    values, rows = {
+        "Odometry": (pose_at(*at, "pose.pose.") | inside("twist.twist", twist), [(*at, v, omega)]),
+        "PoseStamped": (pose_at(*at, "pose."), [at]),
+        "PoseWithCovarianceStamped": (pose_at(*at, "pose.pose."), [at]),
+        "TransformStamped": (inside("transform", moved | turned), [at]),
+        "Twist": (twist, [(v, omega)]),
+        "TwistStamped": (inside("twist", twist), [(v, omega)]),
+        "PoseArray": ({"poses": [pose_at(*row) for row in seen]}, seen),
+        "Range": ({"range": far, "max_range": 100.0}, [(far,)]),
+        "String": ({"data": "hello " * (k % 4)}, [(0.0,)]),
+    }.get(name.split("/")[-1], ({"data": number}, [(number,)]))
+    return made_message(store, name, ns, values), rows

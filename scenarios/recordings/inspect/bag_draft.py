@@ -9,10 +9,24 @@ from pathlib import Path
 import numpy as np
 
 from cooploc.estimators.errors import BadInput
-from cooploc.scenarios.recordings.bag_storage import is_bag, standard_types
-from cooploc.scenarios.recordings.bags import TopicSeries, find_runs, read_fields, read_topics, text_folders, topics
-from cooploc.scenarios.recordings.inspect.columns import Guess, table_of_fields
-from cooploc.scenarios.recordings.inspect.csv_draft import column_entry, split_readings, tables_beside_bag
+from cooploc.scenarios.recordings.bag_storage import NUMBERS, is_bag, standard_types
+from cooploc.scenarios.recordings.bags import (
+    TopicInfo,
+    TopicSeries,
+    find_runs,
+    read_fields,
+    read_topics,
+    text_folders,
+    topics,
+)
+from cooploc.scenarios.recordings.inspect.columns import CsvTable, Guess, infer_unit, table_of_fields
+from cooploc.scenarios.recordings.inspect.csv_draft import (
+    column_entry,
+    first_columns,
+    origin_entry,
+    split_readings,
+    tables_beside_bag,
+)
 from cooploc.scenarios.recordings.inspect.draft_toml import Draft, DraftTable, Entry
 from cooploc.scenarios.recordings.inspect.naming import (
     ODOMETRY,
@@ -27,27 +41,37 @@ from cooploc.scenarios.recordings.radio_nodes import NodeRanges, assign
 from cooploc.scenarios.recordings.team_log import Series
 from cooploc.scenarios.recordings.text_files import is_text
 
-NUMBERS = ("sensor_msgs/msg/Range", "std_msgs/msg/Float32", "std_msgs/msg/Float64")
+RANGE, IMU = "sensor_msgs/msg/Range", "sensor_msgs/msg/Imu"
+# Usual types that are read by their fields.
+OF_FIELDS = ("tf2_msgs/msg/TFMessage", "geometry_msgs/msg/Vector3Stamped", "sensor_msgs/msg/NavSatFix", IMU)
+SPEED = {"Odometry": "twist.twist.linear.x", "TwistWithCovarianceStamped": "twist.twist.linear.x"}
+SPEED |= {"TwistStamped": "twist.linear.x", "Twist": "linear.x"}  # type -> field
 STATES = TRUTH - {"ground", "pos", "cap"}  # words by which a topic of Odometry is the truth, as of a simulator
 NO_MEASUREMENTS = ("std_msgs", "rcl_interfaces", "rosgraph_msgs", "diagnostic_msgs", "tf2_msgs", "visualization_msgs")
 SURE = 2.0  # times the misfit of the best assignment of radios that the next best must have
 
 
 def bag_draft(path: Path) -> Draft:
-    """Return the draft for a bag: odometry by its type, truth by other poses, ranges by two nodes in a topic's name."""
+    """Return the draft for a bag: odometry by its type, truth by other poses, ranges by the names of two in a topic.
+
+    What these leave open is looked for in the fields of messages of other types, and in text files beside.
+    """
     runs = list(find_runs(path).values()) if path.is_dir() else [path]
     whole = path if all(map(is_bag, runs)) else runs[0]
     every, each = topics(whole)[0], [{t.name for t in topics(run)[0]} for run in runs] if len(runs) > 1 else []
-    found = [t for t in every if t.messages > 1 and t.columns and all(t.name in names for names in each)]
-    states = {t.name for t in found if STATES & {*words_of(t.name)}}
-    wheels = _by_robot([t.name for t in found if t.type.endswith("/Odometry") and t.name not in states])
+    there = [t for t in every if t.messages > 1 and all(t.name in names for names in each)]
+    found = {t.name: t for t in there if t.columns}
+    unknown = [t.name for t in there if not t.columns and (t.type not in standard_types() or t.type in OF_FIELDS)]
+    of_fields = {t: table_of_fields(t, f) for t, f in (read_fields(whole, unknown) if unknown else {}).items()}
+    states = {name for name in found if STATES & {*words_of(name)}}
+    wheels = _wheels([t for t in found.values() if t.name not in states], of_fields)
     poses = [
-        t.name
-        for t in found
-        if "x [m]" in t.columns and t.name not in wheels.values() and "PoseArray" not in t.type
-        if t.name in states or not ODOMETRY & {*words_of(t.name)}
+        name
+        for name, t in found.items()
+        if "x [m]" in t.columns and name not in wheels.values() and "PoseArray" not in t.type
+        if name in states or not ODOMETRY & {*words_of(name)}
     ]
-    truth = {robot: name for robot in wheels if (name := next((p for p in poses if _is_about(p, robot)), ""))}
+    truth = {robot: name for robot in wheels if (name := _topic_about(robot, poses))}
     if len(wheels) == 1 and not truth:  # its name need not be there
         truth = {robot: name for robot in wheels for name in poses if name in states}
     inspect_each = "; ".join(f"cooploc inspect {run}" for run in runs)
@@ -55,55 +79,61 @@ def bag_draft(path: Path) -> Draft:
     if not wheels and each:
         raise BadInput(differ)
     if not wheels:
-        names = ", ".join(t.name for t in found)[:300]
-        raise BadInput(f"{path}: no robot has odometry (nav_msgs/Odometry); topics: {names}")
+        names = ", ".join(found)[:300]
+        raise BadInput(f"{path}: no robot has odometry (nav_msgs/Odometry, or speeds and turn rates); topics: {names}")
     wheels = {robot: wheels[robot] for robot in truth or wheels}
-    named = pairs_of_robots([t.name for t in found if t.type in NUMBERS], list(wheels))
-    ranges = {p: t.name for t in found if t.type in NUMBERS and t.name not in named and (p := _pair(t.name))}
-    series = read_topics(whole, [*wheels.values(), *truth.values(), *ranges.values()])[0]
+    robots, numbers = list(wheels), {name: t.type for name, t in found.items() if t.type in (RANGE, *NUMBERS)}
+    series = read_topics(whole, [t for t in (*wheels.values(), *truth.values(), *numbers) if t in found])[0]
+    imus = [t.name for t in there if t.type == IMU]
+    tables = _odometry(
+        wheels, series, of_fields, {robot: one for robot in robots if (one := _topic_about(robot, imus))}
+    )
     why = "a pose under the name or number of a robot that is not odometry"
-    tables = [_odometry(wheels, series)]
-    tables += [DraftTable("truth", (_topics(truth, why),))] if truth else []
-    if ranges:
-        tables.append(_ranges(ranges, truth, series))
-    for pattern in dict.fromkeys(named.values()):
-        entry = Entry("topic", pattern, "topics with the names of two robots", "likely")
-        tables.append(DraftTable(f"{name_meaning(pattern)[0]}s".replace("rssis", "rssi"), (entry,)))
-    unknown = [t for t in every if t.messages > 1 and not t.columns and t.type not in standard_types()]
-    there, beside = {table.name for table in tables}, Draft(())
+    tables += [DraftTable("truth", (_topics(truth, why),))] if truth else _truth_of_fields(of_fields, robots)
+    tables += _ranges(numbers, robots, truth, series)
+    in_bag, beside = {table.name for table in tables}, Draft(())
     for home in text_folders(runs[0]):
         below = home.rglob("*") if path.is_dir() and home.is_relative_to(path) else home.glob("*")
         texts = [p for p in sorted(below) if is_text(p)]
-        beside = beside if beside.tables else tables_beside_bag(home, texts, list(wheels), there)
+        beside = beside if beside.tables else tables_beside_bag(home, texts, robots, in_bag)
     tables += beside.tables
     fixed = [name for table in tables if table.name in ("anchors", "landmarks") for name in table.entries[0].value]
-    of_fields, measured = _field_tables(whole, [t.name for t in unknown], list(wheels), fixed)
-    tables += of_fields
+    tables += _readings_of_fields(of_fields, robots, fixed)
     has_truth = "truth" in {table.name for table in tables}
     if not has_truth and any(t.type.endswith("/Odometry") and t.name not in names for t in every for names in each):
         raise BadInput(differ)
-    entries = (
-        Entry("format", "bag", "a ROS bag"),
-        Entry(
-            "robots", list(wheels), f"what differs between topics of odometry{' with a truth' * bool(truth)}", "likely"
-        ),
-    )
-    used = dict.fromkeys(wheels.values(), "odometry") | dict.fromkeys(truth.values(), "truth")
-    used |= dict.fromkeys(ranges.values(), "range") | {t: name_meaning(p)[0] for t, p in named.items()}
-    used |= measured
+    why = f"what differs between topics of odometry{' with a truth' * bool(truth)}"
+    entries = Entry("format", "bag", "a ROS bag"), Entry("robots", robots, why, "likely")
+    used = {t.name: ", ".join(of) for t in every if (of := _tables_of(t.name, tables, robots))}
     columns, unused = [*beside.columns], [*beside.unused]
     if not has_truth:
         unused.append("truth, as no pose has the name or number of a robot with odometry, nor a text file beside")
-    for t in (*found, *(t for t in unknown if t.name in measured)):
+    for t in every:
+        if t.name not in found and t.name not in used:
+            continue
         form, rate = t.type.rpartition("/")[2], f"{t.messages} messages, {t.rate:.3g} Hz, {t.last - t.first:.3g} s"
         columns.append((t.name, form, used.get(t.name, "not used"), rate))
         if t.name not in used:
-            unused.append(f"{t.name} ({form}, {t.messages})")
-    strange = [t for t in every if not (t.columns or t.name in measured or t.type.startswith(NO_MEASUREMENTS))]
+            more = ": does not say what was measured; write {other} for its name" if t.type == RANGE else ""
+            unused.append(f"{t.name} ({form}, {t.messages}){more}")
+    strange = [t for t in every if not t.columns and t.name not in used]
+    strange = [t for t in strange if not t.type.startswith(NO_MEASUREMENTS) or "MultiArray" in t.type]
     if unread := [f"{t.name} ({t.type})" for t in strange]:
         some = ", ".join(unread[:5]) + f" and {len(unread) - 5} more" * (len(unread) > 5)
         unused.append(f"topics of types that are not read: {some}; what they measured may be in CSV files beside")
     return Draft(entries, tuple(tables), tuple(columns), tuple(unused))
+
+
+def _tables_of(topic: str, tables: Sequence[DraftTable], robots: Sequence[str]) -> list[str]:
+    """Return the names of the tables that read a topic."""
+    found = []
+    for table in tables:
+        values = {e.key: e.value for e in table.entries}
+        words = "|".join(map(re.escape, robots)) if table.name in ("odometry", "turns", "truth") else "[^/]+"
+        for pattern in (*values.get("topics", {}).values(), *filter(None, [values.get("topic")])):
+            parts = re.split(r"\{(?:robot|other)\}", pattern)
+            found += [table.name] * bool(re.fullmatch(f"({words})".join(map(re.escape, parts)), topic))
+    return list(dict.fromkeys(found))
 
 
 # --- Names
@@ -130,14 +160,17 @@ def _by_robot(topics: Sequence[str]) -> dict[str, str]:
     return dict(sorted(found.items()))
 
 
-def _is_about(topic: str, robot: str) -> bool:
-    """Return whether a topic has a robot's name, or a part with its number whose first letters are the robot's."""
-    if robot in topic:
-        return True
-    letters, number = re.match(r"([A-Za-z]*)[_-]?(\d*)", robot).groups()  # type: ignore[union-attr]
-    parts = re.findall(r"([A-Za-z]+)[_-]?(\d+)", topic)
-    same_number = [word.lower() for word, digits in parts if number and int(digits) == int(number)]
-    return any(word.startswith(letters.lower()[:4]) for word in same_number)
+def _topic_about(robot: str, topics: Sequence[str]) -> str:
+    """Return the first topic about a robot: with its name as a word, its name, or its first letters and its number."""
+    whole = re.compile(rf"(?<![A-Za-z0-9]){re.escape(robot)}(?![A-Za-z0-9])", re.IGNORECASE)
+    kind = re.fullmatch(r"([A-Za-z]*)[_-]?(\d+)", robot)
+
+    def has_number(topic: str) -> bool:
+        parts = re.findall(r"([A-Za-z]+)[_-]?(\d+)", topic.lower()) if kind else ()
+        return any(kind and int(n) == int(kind[2]) and word.startswith(kind[1].lower()[:4]) for word, n in parts)
+
+    rules = (lambda topic: bool(whole.search(topic)), lambda topic: robot in topic, has_number)
+    return next((topic for rule in rules for topic in topics if rule(topic)), "")
 
 
 def _pair(topic: str) -> tuple[str, str] | None:
@@ -158,15 +191,62 @@ def _topics(by_robot: Mapping[str, str], why: str) -> Entry:
 # --- Tables
 
 
-def _field_tables(
-    path: Path, topics: Sequence[str], robots: Sequence[str], fixed: Sequence[str]
-) -> tuple[list[DraftTable], dict[str, str]]:
-    """Return ranges and RSSI in messages of types that are not known, by the names of their fields; and the topics."""
+def _wheels(found: Sequence[TopicInfo], of_fields: Mapping[str, CsvTable]) -> dict[str, str]:
+    """Return the topics of odometry by robot: odometry counts first, then measured speeds, then commanded ones."""
+    fields = [
+        topic
+        for topic, table in of_fields.items()
+        if first_columns(table.guesses, ("speed",)) and not TRUTH & {*words_of(topic)}
+        if not first_columns(table.guesses, ("robot", "other"))
+    ]
+    for forms in (["Odometry"], ["TwistStamped", "TwistWithCovarianceStamped"], [], ["Twist"]):
+        if some := [t.name for t in found if t.type.rpartition("/")[2] in forms] if forms else fields:
+            return _by_robot(some)
+    return {}
+
+
+def _truth_of_fields(of_fields: Mapping[str, CsvTable], robots: Sequence[str]) -> list[DraftTable]:
+    """Return the truth among messages that are read by their fields: by a field with names of robots, or by topic."""
+    why, about = "its messages have places", dict[str, dict[str, Guess]]()
+    for topic, table in of_fields.items():
+        own = first_columns(table.guesses, ("x", "y", "heading"))
+        if not {"x", "y"} <= own.keys() or ODOMETRY & {*words_of(topic)}:
+            continue
+        column = next((g.column for g in table.guesses if g.quantity == "robot" or "child_frame_id" in g.column), "")
+        if not column:
+            about[topic] = own
+            continue
+        words = table.names(column)
+        meant = {word: word for word in words if word in robots} | match_names(words, robots)
+        if {*meant.values()} >= {*robots} and not _is_moved_by_odometry(table, column, {*meant}):
+            nodes = {word: robot for word, robot in meant.items() if word != robot}
+            entries = [Entry("topic", topic, f"{why} of robots by name", "likely"), Entry("robot", column, "names")]
+            entries += [column_entry(quantity, guess) for quantity, guess in own.items()] + origin_entry(own, table)
+            entries += [Entry("nodes", nodes, "these words and names of robots are alike", "likely")] * bool(nodes)
+            return [DraftTable("truth", tuple(entries))]
+    there = {robot: topic for robot in robots if (topic := _topic_about(robot, list(about)))}
+    fields = [[column_entry(quantity, guess) for quantity, guess in about[topic].items()] for topic in there.values()]
+    if not fields or any([e.value for e in one] != [e.value for e in fields[0]] for one in fields):
+        return []
+    topic = next(iter(there.values()))
+    origin = origin_entry(about[topic], of_fields[topic])
+    return [DraftTable("truth", (_topics(there, f"{why} of each robot"), *fields[0], *origin))]
+
+
+def _is_moved_by_odometry(table: CsvTable, child: str, words: set[str]) -> bool:
+    """Return whether the frames of robots stand in frames of odometry, as /tf has them of what wheels say."""
+    parents = table.columns.get(child.replace("child_frame_id", "header.frame_id"), ())
+    pairs = zip(table.columns[child], parents, strict=False) if "child_frame_id" in child else ()
+    return any(ODOMETRY & {*words_of(str(parent))} for one, parent in pairs if one in words)
+
+
+def _readings_of_fields(
+    of_fields: Mapping[str, CsvTable], robots: Sequence[str], fixed: Sequence[str]
+) -> list[DraftTable]:
+    """Return ranges and RSSI in messages of types that are not usual, by the names of their fields."""
     lines: dict[tuple[str, str, str], tuple[Entry, ...]] = {}
     nodes: dict[tuple[str, str, str], dict[str, str]] = {}
-    used: dict[str, str] = {}
-    for topic, fields in read_fields(path, topics).items() if topics else ():
-        table = table_of_fields(topic, fields)
+    for topic, table in of_fields.items():
         own = next((robot for robot in robots if robot in topic or len(robots) == 1), "")
         ends = [g for quantity in ("robot", "other") for g in table.guesses if g.quantity == quantity]
         named = [("robot", ends[0])] * (not own) + [("other", ends[-1])] if len(ends) > (not own) else []
@@ -181,19 +261,16 @@ def _field_tables(
             key = kind, pattern, groups[0][0].column
             known = nodes.setdefault(key, {})
             alike = match_names([word for word in words if clean_name(word) not in fixed], robots)
-            known |= (
-                {} if own in alike.values() else alike
-            )  # a robot does not measure itself: these are anchors' numbers
+            known |= {} if own in alike.values() else alike  # no robot measures itself: these are of anchors
             known |= {mine[0]: own} if len(mine) == 1 and mine[0] not in words else {}
-            of_fields = (column_entry(quantity, guess) for quantity, guess in ((kind, groups[0][0]), *named))
-            lines[key] = Entry("topic", pattern, "its messages have such fields", "likely"), *of_fields
-            used[topic] = f"{used[topic]}, {kind}" if topic in used else kind
+            own_fields = (column_entry(quantity, guess) for quantity, guess in ((kind, groups[0][0]), *named))
+            lines[key] = Entry("topic", pattern, "its messages have such fields", "likely"), *own_fields
     why = "these words in the messages and the names of the robots are alike, or are of one robot's topic"
     found = []
     for key, entries in lines.items():
         of = (Entry("nodes", nodes[key], why, "likely"),) * bool(nodes[key])
         found.append(DraftTable("rssi" if key[0] == "rssi" else "ranges", (*entries, *of)))
-    return found, used
+    return found
 
 
 def _place(field: Guess) -> str:
@@ -201,13 +278,36 @@ def _place(field: Guess) -> str:
     return field.column.rpartition(".")[0]
 
 
-def _odometry(wheels: Mapping[str, str], series: Mapping[str, TopicSeries]) -> DraftTable:
-    """Return poses, if their headings turn as their turn rates say and their places change; else velocities."""
-    every = [series[topic] for topic in wheels.values()]
-    kind, why = "velocity", "the headings of the poses do not turn as the turn rates beside them"
-    if all(map(_turns_as_stated, every)) and any(np.ptp(one.select("x [m]")) > 0.01 for one in every):
-        kind, why = "pose", "poses lose nothing with a lost message"
-    return DraftTable("odometry", (Entry("kind", kind, why, "likely"), _topics(wheels, "its type is Odometry")))
+def _odometry(
+    wheels: Mapping[str, str],
+    series: Mapping[str, TopicSeries],
+    of_fields: Mapping[str, CsvTable],
+    imus: Mapping[str, str],
+) -> list[DraftTable]:
+    """Return poses, if their headings turn as their turn rates say and their places change; else velocities.
+
+    Where they never turn, turn rates are those of `imus`, the topics of gyroscopes by robot.
+    """
+    first, every = next(iter(wheels.values())), [series[topic] for topic in wheels.values() if topic in series]
+    kind, why, where = "velocity", "its messages have speeds", _topics(wheels, "its messages have speeds")
+    if every and every[0].type.endswith("/Odometry"):
+        where, why = (
+            _topics(wheels, "its type is Odometry"),
+            "the headings of the poses do not turn as the turn rates beside them",
+        )
+        if all(map(_turns_as_stated, every)) and any(np.ptp(one.select("x [m]")) > 0.01 for one in every):
+            kind, why = "pose", "poses lose nothing with a lost message"
+    own = first_columns(of_fields[first].guesses, ("speed", "turn_rate")) if first in of_fields else {}
+    fields = [column_entry(quantity, guess) for quantity, guess in own.items()]
+    turns = "turn_rate" in own or any(one.select("omega [rad/s]").any() for one in every)
+    if kind == "pose" or turns or len(imus) < len(wheels):
+        return [DraftTable("odometry", (Entry("kind", kind, why, "likely"), where, *fields))]
+    fields = fields or [Entry("speed", SPEED[every[0].type.rpartition("/")[2]], "its speeds", "likely")]
+    rate = Entry("turn_rate", "angular_velocity.z", "turn rates of a gyroscope, as odometry has none", "likely")
+    return [
+        DraftTable("odometry", (Entry("kind", kind, why, "likely"), where, *fields)),
+        DraftTable("turns", (_topics(imus, "their type is Imu"), rate)),
+    ]
 
 
 def _turns_as_stated(series: TopicSeries) -> bool:
@@ -220,6 +320,32 @@ def _turns_as_stated(series: TopicSeries) -> bool:
 
 
 def _ranges(
+    numbers: Mapping[str, str], robots: Sequence[str], truth: Mapping[str, str], series: Mapping[str, TopicSeries]
+) -> list[DraftTable]:
+    """Return ranges and RSSI in topics of one number, by the names of two robots, or of two radios, or of one of two.
+
+    `numbers` are their types.
+    """
+    named, found = pairs_of_robots(numbers, robots), list[DraftTable]()
+    radios = {p: t for t in numbers if t not in named and "Int" not in numbers[t] and (p := _pair(t))}
+    if radios:
+        found.append(_ranges_of_radios(radios, truth, series))
+    left = [t for t in numbers if t not in (*named, *radios.values())]
+    left = [t for t in left if numbers[t] == RANGE or name_meaning(t)[0] in ("range", "rssi")]
+    of_one = {t: t.replace(robot, "{robot}") for robot in robots if (t := _topic_about(robot, left)) and robot in t}
+    if len(robots) == len(of_one) == 2 and len({*of_one.values()}) == 1:
+        named |= of_one  # what it measured is its only teammate
+    for pattern in dict.fromkeys(named.values()):
+        is_rssi = name_meaning(pattern)[0] == "rssi"
+        values = np.concatenate([series[t].values[:, 0] for t, p in named.items() if p == pattern])
+        unit, why = infer_unit("range", "", values, np.inf)
+        entries = [Entry("topic", pattern, "topics with the names of robots", "likely")]
+        entries += [Entry("unit", unit, why, "likely")] * (unit != "m" and not is_rssi)
+        found.append(DraftTable("rssi" if is_rssi else "ranges", tuple(entries)))
+    return found
+
+
+def _ranges_of_radios(
     ranges: Mapping[tuple[str, str], str], truth: Mapping[str, str], series: Mapping[str, TopicSeries]
 ) -> DraftTable:
     """Return the ranges, and which radio is on which robot: by the truth, from which it may be found."""

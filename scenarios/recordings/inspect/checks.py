@@ -46,7 +46,7 @@ def check_recording(log: TeamLog) -> CheckedLog:
                 check(c, i)
 
     check_gaps(c)
-    check_robots(check_lengths, check_heading_unit, check_turn_unit, check_clock_of_turns)
+    check_robots(check_lengths, check_heading_unit, check_turn_unit, check_standstill, check_clock_of_turns)
     check_clocks(c)
     check_clocks_of_readings(c)
     check_robots(check_stale, check_jumps)
@@ -175,6 +175,22 @@ def check_turn_unit(c: CheckedLog, i: int) -> None:
         fact = f"odometry turns {ratio:.3g} times as fast as the truth, which is about {factor:.3g}"
         c.add(kind, i, odometry.source, fact, "sure", f'unit = "{unit}{per}"', "odometry", (name,))
         c.correct("odometry", i, divide_columns(odometry, factor, (column,)))
+
+
+def check_standstill(c: CheckedLog, i: int) -> None:
+    """Find odometry that never drives, or never turns, of a robot that does."""
+    m = motion.robot_motion(c.log, i)
+    heading = np.nancumsum(motion.true_turns(m.steps(m.truth)))
+    turns = bool(len(heading)) and np.ptp(heading) > np.pi
+    for column, word, does in (
+        (m.odometry.length, "drives", motion.moves(c.log, i)),
+        (m.odometry.turn, "turns", turns),
+    ):
+        if does and len(column) and np.ptp(column) == 0:
+            setting = "another file or topic has it: name it in [odometry], or turn rates in [turns]"
+            c.add(
+                "standstill", i, c.log.odometry[i].source, f"odometry never {word}, and the robot does", "sure", setting
+            )
 
 
 # --- Clocks

@@ -4,7 +4,7 @@ A column's robot follows from a column of names, else from the names of the file
 """
 
 from collections import Counter
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -98,13 +98,13 @@ def _parts(file: CsvTable, halves: bool = False) -> list[TablePart]:
 
     With `halves` one file may hold the speeds, and another the turn rates or headings.
     """
-    shared = _first_columns(file.guesses, (*STAMPS, "robot", "other"))
+    shared = first_columns(file.guesses, (*STAMPS, "robot", "other"))
     if "time" in shared:
         shared = {q: g for q, g in shared.items() if q not in ("sec", "nsec")}
     if not shared.keys() & {"time", "sec"}:
-        own = _first_columns(file.guesses, ("x", "y", "robot", "other"))
+        own = first_columns(file.guesses, ("x", "y", "robot", "other"))
         label = own.get("robot") or own.get("other") or next((g for g in file.guesses if g.column not in "xy"), None)
-        if not {"x", "y"} <= own.keys() or label is None:
+        if not {"x", "y"} <= own.keys() or label is None or naming.is_on_globe(own["y"].column):
             return []
         kinds = {
             naming.OTHERS.get(word) for word in (*naming.words_of(Path(file.name).stem), *naming.words_of(label.column))
@@ -113,26 +113,26 @@ def _parts(file: CsvTable, halves: bool = False) -> list[TablePart]:
         return [TablePart(table, (file,), {"name": label, "x": own["x"], "y": own["y"]})]
     parts, left = [], list(file.guesses)
     for kind in KINDS:
-        own = _first_columns(file.guesses, COLUMNS[kind], ("odometry",) if kind == "pose" else ("", "odometry"))
+        own = first_columns(file.guesses, COLUMNS[kind], ("odometry",) if kind == "pose" else ("", "odometry"))
         if len(own) == len(COLUMNS[kind]) or (kind == "increment" and {"dx", "turn"} <= own.keys()):
             parts.append(TablePart("odometry", (file,), shared | own, kind))
             left = [g for g in left if g not in own.values()]
             break
     else:
-        own = _first_columns(file.guesses, ("speed", "length", "turn_rate", "heading", "x"), ("", "odometry"))
+        own = first_columns(file.guesses, ("speed", "length", "turn_rate", "heading", "x"), ("", "odometry"))
         for quantity in own if halves and "x" not in own else ():
             table, kind = HALVES[quantity]
             if table not in {part.table for part in parts}:
                 parts.append(TablePart(table, (file,), shared | {quantity: own[quantity]}, kind))
     has_truth = any(g.side == "truth" and g.quantity == "x" for g in left)
-    truth = _first_columns(left, ("x", "y", "heading"), ("truth",) if has_truth else ("",))
+    truth = first_columns(left, ("x", "y", "heading"), ("truth",) if has_truth else ("",))
     if {"x", "y"} <= truth.keys():
         parts.append(TablePart("truth", (file,), shared | truth))
     for table, quantities in READINGS.items():
         if table == "ranges" and "sightings" in {part.table for part in parts}:
             continue
         for each in split_readings([g for g in left if g.quantity == quantities[0]], "other" in shared):
-            own = _first_columns([*each, *left], quantities)
+            own = first_columns([*each, *left], quantities)
             alone = {q: g for q, g in shared.items() if q != "other"}  # with a column for each thing measured
             if len(own) == len(quantities):
                 parts.append(TablePart(table, (file,), (alone if len(each) > 1 else shared) | own, each=each))
@@ -189,7 +189,7 @@ def _lack(file: CsvTable, halves: bool = False) -> str:
     return f"its columns make no table, of stamps with motion, positions or readings{f' ({unknown})' * bool(unknown)}"
 
 
-def _first_columns(
+def first_columns(
     guesses: Sequence[Guess], quantities: Sequence[str], sides: Sequence[str] = ("", "truth", "odometry")
 ) -> dict[str, Guess]:
     """Return the first column of each quantity on some sides."""
@@ -451,13 +451,22 @@ def _draft_table(
     entries += [
         column_entry(q, g) for q, g in columns.items() if q not in STAMPS and (q != "other" or table in READINGS)
     ]
-    entries += _missing(part)
+    entries += [*_missing(part), *(origin_entry(columns, part.files[0]) if table == "truth" else [])]
     if table in READINGS:
         numbered = [w for w in part.names("other") if w.isdigit() and w not in (*nodes, *robots, *fixed)]
         nodes |= naming.match_names(numbered, fixed)
     if nodes:
         entries.append(Entry("nodes", nodes, why_nodes, "likely"))
     return DraftTable(table, tuple(entries))
+
+
+def origin_entry(columns: Mapping[str, Guess], table: CsvTable) -> list[Entry]:
+    """Return the line for latitudes and longitudes: where on the globe x and y are 0, the first place of a robot."""
+    if not naming.is_on_globe(columns["y"].column):
+        return []
+    places = [float(np.append(table.numbers(columns[q].column), 0.0)[0]) for q in "yx"]
+    why = "latitude and longitude [deg] of x = y = 0: the first position"
+    return [Entry("origin", [round(degrees, 6) for degrees in places], why, "likely")]
 
 
 def _devices(part: TablePart, robots: Sequence[str]) -> dict[str, str]:

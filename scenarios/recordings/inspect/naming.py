@@ -53,9 +53,14 @@ def is_plain(column: str) -> bool:
     return len(words_of(re.sub(r"[\[(].*", "", column))) == 1 and not re.search(r"\d", column)
 
 
+def is_on_globe(column: str) -> bool:
+    """Return whether a column holds degrees on the globe."""
+    return bool({*words_of(column)} & {*_WORDS["others"]["globe"].split()})
+
+
 def side_of(name: str) -> str:
-    """Return "truth" or "odometry" if words of a name speak of it; odometry, if of both."""
-    return min((SIDE[word] for word in words_of(name) if word in SIDE), default="")
+    """Return "truth" or "odometry" if words of a name speak of it, or of the globe; odometry, if of both."""
+    return "truth" if is_on_globe(name) else min((SIDE[word] for word in words_of(name) if word in SIDE), default="")
 
 
 # --- Whose something is

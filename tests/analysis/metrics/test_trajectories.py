@@ -6,9 +6,8 @@ import shutil
 import numpy as np
 import pandas as pd
 import pytest
-from made_bags import ROS2
+from made_bags import pose_at, write_messages
 from processes import inside
-from rosbags.rosbag2 import Writer
 
 import cooploc as cl
 from cooploc.analysis.metrics.external import judge_trajectories, match_stamps, mean_drift
@@ -122,12 +121,12 @@ def written(folder, t, x, P, how):
         signs = {"csv": {}, "semicolons": {"sep": ";", "decimal": ","}}[how]
         pd.DataFrame(columns).to_csv(folder / "red.csv", index=False, **signs)
     elif how == "bag":
-        with Writer(folder / "bag", version=9) as writer:
-            kind = "geometry_msgs/msg/PoseWithCovarianceStamped"
-            topic = writer.add_connection("/red/pose", kind, typestore=ROS2)
-            for k, stamp in enumerate(t):
-                ns = round(stamp * 1e9)
-                writer.write(topic, ns, bytes(ROS2.serialize_cdr(posed(ns, x[k], P[k]), kind)))
+        name, at = "geometry_msgs/msg/PoseWithCovarianceStamped", np.ix_([0, 1, 5], [0, 1, 5])
+        C = np.zeros((len(t), 6, 6))
+        C[(slice(None), *at)] = P
+        poses = [pose_at(x, y, 0.0, heading, "pose.pose.") for x, y, heading in x]
+        rows = zip(t, poses, C.reshape(-1, 36), strict=True)
+        write_messages(folder / "bag", [("/red/pose", name, s, pose | {"pose.covariance": c}) for s, pose, c in rows])
     else:
         write_tum(folder / "red.txt", t, x)
         if how == "beside":
@@ -135,18 +134,6 @@ def written(folder, t, x, P, how):
         else:
             np.savez(folder / "covariances.npz", red=P)
     return folder
-
-
-def posed(ns, x, P):
-    types = {name.rpartition("/")[2]: made for name, made in ROS2.types.items() if "_msgs/" in name}
-    stamp = ROS2.types["builtin_interfaces/msg/Time"](sec=ns // 10**9, nanosec=ns % 10**9)
-    place = types["Point"](x=x[0], y=x[1], z=0.0)
-    turn = types["Quaternion"](x=0.0, y=0.0, z=np.sin(x[2] / 2), w=np.cos(x[2] / 2))
-    C = np.zeros((6, 6))
-    C[np.ix_([0, 1, 5], [0, 1, 5])] = P
-    pose = types["PoseWithCovariance"](pose=types["Pose"](position=place, orientation=turn), covariance=C.ravel())
-    header = ROS2.types["std_msgs/msg/Header"](stamp=stamp, frame_id="world")
-    return types["PoseWithCovarianceStamped"](header=header, pose=pose)
 
 
 @pytest.mark.parametrize("how", ["beside", "csv", "semicolons", "npz", "bag"])
@@ -338,23 +325,16 @@ def test_a_quaternion_of_zeros_is_no_heading(honest, tmp_path):
 def test_of_several_topics_of_a_robot_that_of_the_method_counts(honest, tmp_path):
     t, true, x, *_ = honest
     write_tum(tmp_path / "red.txt", t, true)
-    with Writer(tmp_path / "bag", version=9) as writer:
-        kind = "nav_msgs/msg/Odometry"
-        for topic, path in (("/red/odom", x + 1), ("/red/ekf", x)):
-            there = writer.add_connection(topic, kind, typestore=ROS2)
-            for k, stamp in enumerate(t):
-                writer.write(there, round(stamp * 1e9), odometry(round(stamp * 1e9), path[k]))
+    both = (("/red/odom", x + 1), ("/red/ekf", x))
+    write_messages(
+        tmp_path / "bag",
+        [
+            (topic, "nav_msgs/msg/Odometry", stamp, pose_at(*path[k, :2], 0.0, path[k, 2], "pose.pose."))
+            for topic, path in both
+            for k, stamp in enumerate(t)
+        ],
+    )
     rows, _ = judge_trajectories(tmp_path / "red.txt", {"ekf": tmp_path / "bag", "odom": tmp_path / "bag"})
     assert rows["rmse"].iloc[0] < 0.5 < rows["rmse"].iloc[1]
     with pytest.raises(cl.BadInput, match=r"topics /red/odom, /red/ekf of robot 'red': name the method like a part"):
         judge_trajectories(tmp_path / "red.txt", {"mine": tmp_path / "bag"})
-
-
-def odometry(ns, x):
-    """A message of nav_msgs/Odometry without covariances."""
-    kind, stamped = "nav_msgs/msg/Odometry", posed(ns, x, np.zeros((3, 3)))
-    none = ROS2.types["geometry_msgs/msg/Vector3"](x=0.0, y=0.0, z=0.0)
-    twist = ROS2.types["geometry_msgs/msg/Twist"](linear=none, angular=none)
-    still = ROS2.types["geometry_msgs/msg/TwistWithCovariance"](twist=twist, covariance=np.zeros(36))
-    made = ROS2.types[kind](header=stamped.header, child_frame_id="base", pose=stamped.pose, twist=still)
-    return bytes(ROS2.serialize_cdr(made, kind))

@@ -2,9 +2,7 @@
 
 import numpy as np
 import pytest
-from made_bags import ROS2, START, made_bag
-from rosbags.rosbag2 import Writer
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from made_bags import START, made_bag, write_messages
 
 from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.recordings.bags import Fields, find_runs, read_topics
@@ -125,10 +123,9 @@ def test_runs_of_other_robots_are_to_be_inspected_each(tmp_path):
 
 def test_topics_of_types_that_are_not_read_are_named_with_a_remedy(tmp_path):
     path, _ = made_bag(tmp_path, "sqlite3", SECONDS)
-    with Writer(tmp_path / "more", version=9) as writer:
-        connection = writer.add_connection("/uwb_node", "sensor_msgs/msg/Imu", typestore=ROS2)
-        for seconds in (1, 20):
-            writer.write(connection, (START + seconds) * 10**9, b"\0" * 400)
+    write_messages(
+        tmp_path / "more", [("/uwb_node", "sensor_msgs/msg/Imu", START + seconds, {}) for seconds in (1, 20)]
+    )
     assert not any("not read" in line for line in bag_draft(path).unused)
     line = next(line for line in bag_draft(tmp_path).unused if "not read" in line)
     assert "/uwb_node (sensor_msgs/msg/Imu)" in line
@@ -144,34 +141,23 @@ DEFINITIONS = {
 
 
 def bag_of_radios(folder, messages):
-    """A bag of messages of types that come with no ROS: (topic, type, seconds, fields)."""
-    store = get_typestore(Stores.ROS2_HUMBLE)
-    for name, definition in DEFINITIONS.items():
-        store.register(get_types_from_msg(definition, name))
-    with Writer(folder / "radios", version=9) as writer:
-        connections = {}
-        for topic, name, seconds, fields in messages(store.types):
-            if topic not in connections:
-                connections[topic] = writer.add_connection(topic, name, typestore=store)
-            ns = round((START + seconds) * 1e9)
-            stamp = store.types["builtin_interfaces/msg/Time"](sec=ns // 10**9, nanosec=ns % 10**9)
-            header = store.types["std_msgs/msg/Header"](stamp=stamp, frame_id="")
-            content = store.serialize_cdr(store.types[name](header=header, **fields), name)
-            writer.write(connections[topic], ns + 10**6, bytes(content))
+    """A bag of messages of types that come with no ROS."""
+    later = [(topic, name, START + seconds, fields) for topic, name, seconds, fields in messages]
+    write_messages(folder / "radios", later, DEFINITIONS)
 
 
 def test_ranges_in_arrays_of_messages_that_are_not_standard_are_read_by_their_fields(tmp_path):
     """Each robot hears the other and an anchor, 101; its own number is in its messages alone."""
 
-    def messages(types):
+    def messages():
         for k in range(200):
             for robot, number, other in (("red", 7, 9), ("blue", 9, 7)):
-                nodes = [types["uwb_msgs/msg/Node"](role=1, id=n, dis=d) for n, d in ((other, 4.25), (101, 9.0))]
-                fields = {"id": number, "pos_3d": np.zeros(3, np.float32), "nodes": nodes[: k % 3]}
+                nodes = [{"role": 1, "id": n, "dis": d} for n, d in ((other, 4.25), (101, 9.0))]
+                fields = {"id": number, "nodes": nodes[: k % 3]}
                 yield f"/{robot}/uwb", "uwb_msgs/msg/Frame", 0.1 * k, fields
 
     truth_in_a_bag_of_its_own(tmp_path)
-    bag_of_radios(tmp_path, messages)
+    bag_of_radios(tmp_path, messages())
     found = inspect_recording(tmp_path)
     ranges = found.log.readings["range"]
     assert 'range = "nodes.dis"' in found.text
@@ -184,29 +170,28 @@ def test_ranges_in_arrays_of_messages_that_are_not_standard_are_read_by_their_fi
 
 
 def test_numbers_that_a_robot_would_share_with_itself_are_of_anchors(tmp_path):
-    def messages(types):
+    def messages():
         for k in range(200):
             for number, robot in enumerate(("red", "blue"), 1):
-                node = types["uwb_msgs/msg/Node"](role=1, id=1 + k % 3, dis=4.25)
-                fields = {"id": number, "pos_3d": np.zeros(3, np.float32), "nodes": [node]}
+                fields = {"id": number, "nodes": [{"role": 1, "id": 1 + k % 3, "dis": 4.25}]}
                 yield f"/{robot}/uwb", "uwb_msgs/msg/Frame", 0.1 * k, fields
 
     truth_in_a_bag_of_its_own(tmp_path)
-    bag_of_radios(tmp_path, messages)
+    bag_of_radios(tmp_path, messages())
     found = inspect_recording(tmp_path)
     assert "range" not in found.log.readings
     assert any("'1', '2', '3': neither a robot of the team nor a place" in finding.fact for finding in found.findings)
 
 
 def test_messages_may_say_who_measured_whom_in_what_unit(tmp_path):
-    def messages(_):
+    def messages():
         for k in range(200):
             for source, target in (("red", "blue"), ("blue", "red")):
                 fields = {"source": source, "target": target, "distance_mm": 4000 + k, "rssi": -60.0}
                 yield "/uwb", "uwb_msgs/msg/Range", 0.1 * k + 0.01 * (source == "red"), fields
 
     truth_in_a_bag_of_its_own(tmp_path)
-    bag_of_radios(tmp_path, messages)
+    bag_of_radios(tmp_path, messages())
     found = inspect_recording(tmp_path)
     ranges = found.log.readings["range"]
     assert 'robot = "source"' in found.text

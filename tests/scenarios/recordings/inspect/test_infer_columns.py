@@ -94,9 +94,8 @@ def test_values_say_the_unit_where_the_name_does_not(tmp_path, name, values, uni
 
 def test_a_counter_named_x_is_a_length_and_others_are_unknown(tmp_path):
     columns = {"t": np.arange(LINES) / 10, "odom_x": np.arange(LINES) / 50, "volts": [12.1] * LINES}
-    found = guessed(tmp_path, columns | {"latitude": [50.1] * LINES})
-    assert [found[name].quantity for name in ("odom_x", "volts", "latitude")] == ["length", "", ""]
-    assert found["latitude"].reason == "degrees on the globe: project them to metres, such as UTM"
+    found = guessed(tmp_path, columns)
+    assert [found[name].quantity for name in ("odom_x", "volts")] == ["length", ""]
 
 
 @pytest.mark.parametrize(

@@ -32,6 +32,14 @@ def dates(form):
     return changed(time=lambda t: pd.to_datetime(t, unit="s").dt.round("us").dt.strftime(form))
 
 
+def on_globe(files):
+    """The truth in degrees on the globe."""
+    for robot in ROBOTS:
+        x, y = (files[f"truth_{robot}.csv"].pop(q) for q in "xy")
+        files[f"truth_{robot}.csv"] = files[f"truth_{robot}.csv"].assign(lat=48 + y / 111_201, lon=11 + x / 74_628)
+    return files
+
+
 def quaternion(names):
     def change(files):
         for robot in ROBOTS:
@@ -402,6 +410,15 @@ def test_a_gyroscope_with_a_clock_of_its_own_is_found_and_corrected(team):
     assert not [one for one in cl.inspect(folder).inspected.findings if one.kind == "clock"]
 
 
+def test_a_truth_in_degrees_on_the_globe_is_in_metres_from_its_first_position(team):
+    found, files = cl.inspect(team(on_globe)).inspected, two_robots(seconds=60)
+    assert "origin = [48.0" in found.text
+    assert (found.findings, found.trial.problem) == ((), "")
+    for robot, truth in zip(found.log.robots, found.log.truth, strict=True):
+        want = np.stack([files[f"truth_{robot}.csv"][q] for q in "xy"], -1)
+        np.testing.assert_allclose(truth.values[:, :2] - truth.values[0, :2], want - want[0], atol=0.01)
+
+
 @pytest.mark.parametrize(("turn", "unit"), [(86_400, 1), (604_800, 1), (2**32, 1000), (2**32, 1e6)])
 def test_a_clock_that_begins_again_goes_on(team, turn, unit):
     start = two_robots(seconds=60)["odom_red.csv"]["time"][0]
@@ -548,6 +565,8 @@ def delayed(files):
         (frozen, {"stale"}, '[truth] repeats = "stale"'),
         (decimetres, {"unit"}, '[ranges] range: unit = "cm"'),
         (odometry_that_began_again, {"jump"}, "[odometry] x, y: make a run of each part"),
+        (changed(omega=lambda w: 0 * w), {"standstill"}, "another file or topic has it"),
+        (changed(v=lambda v: 0 * v), {"standstill"}, "another file or topic has it"),
         (steps_along_the_axes, {"frame"}, '[odometry] of steps kind = "displacement"'),
     ],
 )

@@ -1,0 +1,185 @@
+"""One team in bags whose messages are of many types: each is read as the same recording, without a log.toml by hand."""
+
+import numpy as np
+import pytest
+from made_bags import pose_at, write_messages
+from made_csv_teams import two_robots
+
+from cooploc.scenarios.recordings.inspect.inspection import inspect_recording
+from cooploc.scenarios.recordings.inspect.motion import robot_motion
+from cooploc.scenarios.recordings.team_log import metres_on_globe
+
+ROBOTS, ORIGIN = ("blue", "red"), (49.0, 8.4)
+DEFINITIONS = {
+    "gazebo_msgs/msg/ModelStates": "string[] name\ngeometry_msgs/Pose[] pose\ngeometry_msgs/Twist[] twist",
+    "mocap_msgs/msg/Body": "string rigid_body_name\ngeometry_msgs/Pose pose",
+    "mocap_msgs/msg/Bodies": "std_msgs/Header header\nuint32 frame_number\nmocap_msgs/Body[] rigidbodies",
+    "lab_msgs/msg/Wheels": "std_msgs/Header header\nfloat64 linear_velocity\nfloat64 angular_velocity",
+    "lab_msgs/msg/Place": "std_msgs/Header header\nfloat64 x\nfloat64 y\nfloat64 theta",
+}
+
+
+def lines_of(files, kind):
+    return [(robot, *line) for robot in ROBOTS for line in zip(*files[f"{kind}_{robot}.csv"].values(), strict=True)]
+
+
+def odometry(topic, name, fields):
+    return lambda files: [(topic.format(r), name, t, fields(v, omega)) for r, t, v, omega in lines_of(files, "odom")]
+
+
+def truth(topic, name, fields):
+    return lambda files: [(topic.format(r), name, t, fields(x, y, h)) for r, t, x, y, h in lines_of(files, "truth")]
+
+
+def together(topic, name, fields):
+    """The truth of both in one message, beside something else."""
+
+    def messages(files):
+        every = zip(*(zip(*files[f"truth_{robot}.csv"].values(), strict=True) for robot in ROBOTS), strict=True)
+        for at in every:
+            poses = {"ground_plane": (0.0, 0.0, 0.0)} | {r: one[1:] for r, one in zip(ROBOTS, at, strict=True)}
+            yield topic, name, at[0][0], fields(poses)
+
+    return messages
+
+
+def ranges(topic, name, field="data", unit=1.0):
+    def messages(files):
+        for t, robot, other, d in zip(*files["uwb.csv"].values(), strict=True):
+            value = round(d / unit) if "Int" in name else d / unit
+            yield topic.format(robot, other), name, t, {field: value}
+
+    return messages
+
+
+def place(x, y, heading):
+    return pose_at(x, y, 0.1, heading)
+
+
+def posed(x, y, heading):
+    return pose_at(x, y, 0.1, heading, "pose.")
+
+
+def frames(parent):
+    """Transforms of the robots, each in a message of its own."""
+
+    def messages(files):
+        for robot, t, x, y, h in lines_of(files, "truth"):
+            turn = {"transform.rotation.z": np.sin(h / 2), "transform.rotation.w": np.cos(h / 2)}
+            at = {"transform.translation.x": x, "transform.translation.y": y, "child_frame_id": robot}
+            yield "/tf", "tf2_msgs/msg/TFMessage", t, {"transforms": [turn | at | {"header.frame_id": parent}]}
+
+    return messages
+
+
+def gyroscopes(files):
+    """Speeds alone as odometry, and turn rates of another topic."""
+    speeds = odometry("/{}/velocity", "geometry_msgs/msg/TwistStamped", lambda v, w: {"twist.linear.x": v})
+    rates = odometry("/{}/imu", "sensor_msgs/msg/Imu", lambda v, w: {"angular_velocity.z": w})
+    return [*speeds(files), *rates(files)]
+
+
+def on_globe(x, y, heading):
+    """Degrees, by which `metres_on_globe` gives these metres."""
+    east, north = metres_on_globe(np.array(ORIGIN[0] + 1), np.array(ORIGIN[1] + 1), ORIGIN)
+    return {"latitude": ORIGIN[0] + y / north, "longitude": ORIGIN[1] + x / east}
+
+
+G = "geometry_msgs/msg/"
+USUAL = {
+    "odometry": odometry("/{}/odom", "nav_msgs/msg/Odometry", lambda v, w: {
+        "twist.twist.linear.x": v, "twist.twist.angular.z": w}),
+    "truth": truth("/vrpn/{}/pose", f"{G}PoseStamped", posed),
+    "ranges": ranges("/{}/uwb/{}", "sensor_msgs/msg/Range", "range"),
+}  # fmt: skip
+HABITS = {
+    "usual": {},
+    "stamped speeds": {"odometry": odometry("/{}/velocity", f"{G}TwistStamped", lambda v, w: {
+        "twist.linear.x": v, "twist.angular.z": w})},
+    "commands": {"odometry": odometry("/{}/cmd_vel", f"{G}Twist", lambda v, w: {"linear.x": v, "angular.z": w})},
+    "own wheels": {"odometry": odometry("/{}/wheels", "lab_msgs/msg/Wheels", lambda v, w: {
+        "linear_velocity": v, "angular_velocity": w})},
+    "gyroscopes": {"odometry": gyroscopes},
+    "poses": {"truth": truth("/mocap/{}", f"{G}Pose", place)},
+    "plane poses": {"truth": truth("/mocap/{}", f"{G}Pose2D", lambda x, y, h: {"x": x, "y": y, "theta": h})},
+    "points": {"truth": truth("/leica/{}", f"{G}PointStamped", lambda x, y, h: {"point.x": x, "point.y": y})},
+    "vectors": {"truth": truth("/leica/{}", f"{G}Vector3Stamped", lambda x, y, h: {"vector.x": x, "vector.y": y})},
+    "own poses": {"truth": truth("/{}/gt", "lab_msgs/msg/Place", lambda x, y, h: {"x": x, "y": y, "theta": h})},
+    "a satellite": {"truth": truth("/{}/fix", "sensor_msgs/msg/NavSatFix", on_globe)},
+    "frames": {"truth": frames("world")},
+    "models": {"truth": together("/gazebo/model_states", "gazebo_msgs/msg/ModelStates", lambda poses: {
+        "name": [*poses], "pose": [place(*one) for one in poses.values()], "twist": [{}] * len(poses)})},
+    "bodies": {"truth": together("/rigid_bodies", "mocap_msgs/msg/Bodies", lambda poses: {
+        "rigidbodies": [{"rigid_body_name": name} | posed(*one) for name, one in poses.items()]})},
+    "floats": {"ranges": ranges("/{}/range_to/{}", "std_msgs/msg/Float32")},
+    "millimetres": {"ranges": ranges("/{}/range_to/{}", "std_msgs/msg/Int32", unit=1e-3)},
+    "the only teammate": {"ranges": ranges("/{}/uwb/range", "sensor_msgs/msg/Range", "range")},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("habit", HABITS)
+def test_the_team_is_read_from_messages_of_many_types(tmp_path, habit):
+    files = two_robots(seconds=40)
+    write_messages(
+        tmp_path / "team", [one for make in (USUAL | HABITS[habit]).values() for one in make(files)], DEFINITIONS
+    )
+    found = inspect_recording(tmp_path)
+    log = found.log
+    assert found.trial.problem == ""
+    assert {finding.kind for finding in found.findings} <= {"dropped"}  # of ground_plane
+    assert log.robots == ROBOTS
+    np.testing.assert_allclose(
+        np.sort(log.readings["range"].values[:, 0]), np.sort(files["uwb.csv"]["range"]), atol=1e-3
+    )
+    for i, robot in enumerate(ROBOTS):
+        t, x, y, heading = files[f"truth_{robot}.csv"].values()
+        known = np.interp(log.truth[i].time, t, x), np.interp(log.truth[i].time, t, y)
+        there = log.truth[i].values
+        if habit == "a satellite":
+            known = known[0] - known[0][0] + there[0, 0], known[1] - known[1][0] + there[0, 1]
+        np.testing.assert_allclose(there[:, :2].T, known, atol=0.005)
+        headed = np.isfinite(there[:, 2])
+        turned = np.interp(log.truth[i].time, t, np.unwrap(heading)) - there[:, 2]
+        np.testing.assert_allclose(np.cos(turned[headed]), 1.0, atol=1e-3)
+        t, v, omega = files[f"odom_{robot}.csv"].values()
+        moved = robot_motion(log, i).odometry
+        assert abs(moved.length[-1] - (np.diff(t) * v[:-1]).sum()) < 0.02
+        assert abs(moved.turn[-1] - (np.diff(t) * omega[:-1]).sum()) < 0.02
+
+
+def test_frames_that_odometry_moves_are_no_truth(tmp_path):
+    files = two_robots(seconds=40)
+    made = USUAL | {"truth": frames("odom")}
+    write_messages(tmp_path / "team", [one for make in made.values() for one in make(files)])
+    found = inspect_recording(tmp_path)
+    assert not any(found.log.truth)
+    assert any(line.startswith("truth, as no pose has the name") for line in found.unused)
+
+
+def test_a_robots_name_is_a_word_of_its_topics(tmp_path):
+    """Robots tb3_blue and tb3_red share letters and a number, r1 stands in r10."""
+    files = two_robots(seconds=40)
+    for k, names in enumerate((("tb3_blue", "tb3_red"), ("r1", "r10"))):
+        written = dict(zip(ROBOTS, names, strict=True))
+        messages = [one for make in USUAL.values() for one in make(files)]
+        renamed = [("/".join(written.get(word, word) for word in topic.split("/")), *rest) for topic, *rest in messages]
+        write_messages(tmp_path / f"team{k}", renamed)
+        log = inspect_recording(tmp_path / f"team{k}").log
+        assert [one.source for one in log.truth] == [f"/vrpn/{name}/pose" for name in log.robots]
+
+
+def test_places_on_the_globe_are_those_of_the_tangent_plane():
+    """Against the way over the centre of the earth."""
+    a, e2 = 6_378_137.0, 0.0818191908426215**2
+
+    def centred(latitude, longitude):
+        phi, theta = np.radians([latitude, longitude])
+        N = a / np.sqrt(1 - e2 * np.sin(phi) ** 2)
+        return N * np.array([np.cos(phi) * np.cos(theta), np.cos(phi) * np.sin(theta), (1 - e2) * np.sin(phi)])
+
+    for latitude in (-33.0, 0.0, 60.0):
+        origin, there = (latitude, 8.4), (latitude + 0.001, 8.402)
+        (phi, theta), moved = np.radians(origin), centred(*there) - centred(*origin)
+        east = np.array([-np.sin(theta), np.cos(theta), 0.0])
+        north = np.array([-np.sin(phi) * np.cos(theta), -np.sin(phi) * np.sin(theta), np.cos(phi)])
+        np.testing.assert_allclose(metres_on_globe(*there, origin), [east @ moved, north @ moved], atol=0.01)
