@@ -288,12 +288,21 @@ class RssiTable(ReadingColumns):
 
 
 class SightingsTable(ReadingColumns):
-    """Range and bearing (from straight ahead, counter-clockwise) of teammates or landmarks, as a camera sees them."""
+    """Range and bearing (from straight ahead, counter-clockwise) of teammates or landmarks, as a camera sees them.
 
-    columns = ("range", "bearing")
+    Or their places in the robot's frame: `x` ahead, `y` to the left. Of a camera that looks ahead these are z and -x.
+    """
+
     range: Metres | None = None
     bearing: Angle | None = None
+    x: Metres | None = None
+    y: Metres | None = None
     bearing_offset: float = 0.0  # [rad] added to bearings, as of a camera that looks aside
+
+    @property
+    def columns(self) -> tuple[str, ...]:  # type: ignore[override]
+        """The two that are stated."""
+        return ("x", "y") if self.x or self.y else ("range", "bearing")
 
 
 class PlacesTable(Strict):

@@ -284,8 +284,10 @@ def build_log(
 
 
 def without_missing(table: ReadingColumns, values: Array) -> Array:
-    """Return values with nan in place of those that stand for no reading; bearings with their offset."""
+    """Return values with nan in place of those that stand for no reading; of sightings range and bearing."""
     if isinstance(table, SightingsTable):
+        if table.columns == ("x", "y"):
+            values = np.stack([np.hypot(*values.T), np.arctan2(*values.T[::-1])], -1)
         return np.add(values, [0.0, table.bearing_offset])
     limit, least = getattr(table, "missing_from", None), getattr(table, "missing_below", -np.inf)
     return values if limit is None else np.where((values >= limit) | (values < least), np.nan, values)

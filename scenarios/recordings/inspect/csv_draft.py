@@ -29,7 +29,9 @@ from cooploc.scenarios.recordings.schema import COLUMNS, UNITS
 from cooploc.scenarios.recordings.text_files import OTHER_TABLES, is_text
 
 REMEDY = "name the files odom_NAME.csv and truth_NAME.csv, or write log.toml by hand (docs/how-to/robots.md)"
-READINGS = {"sightings": ("range", "bearing"), "ranges": ("range",), "rssi": ("rssi",)}  # table -> its columns
+READINGS = ("sightings", "ranges", "rssi")
+QUANTITIES = (("range", "bearing"), ("ahead", "left")), (("range",),), (("rssi",),)  # of each
+KEYS = {"ahead": "x", "left": "y"}  # quantity -> its key in log.toml, where it is another
 STAMPS = ("time", "sec", "nsec")
 KINDS = ("velocity", "path", "increment", "displacement", "pose")  # of odometry; the first whose columns a file has
 
@@ -128,8 +130,9 @@ def _parts(file: CsvTable, halves: bool = False) -> list[TablePart]:
     truth = first_columns(left, ("x", "y", "heading"), ("truth",) if has_truth else ("",))
     if {"x", "y"} <= truth.keys():
         parts.append(TablePart("truth", (file,), shared | truth))
-    for table, quantities in READINGS.items():
-        if table == "ranges" and "sightings" in {part.table for part in parts}:
+    ways = [(table, way) for table, ways in zip(READINGS, QUANTITIES, strict=True) for way in ways]
+    for table, quantities in ways:
+        if table != "rssi" and "sightings" in {part.table for part in parts}:
             continue
         for each in split_readings([g for g in left if g.quantity == quantities[0]], "other" in shared):
             own = first_columns([*each, *left], quantities)
@@ -537,7 +540,7 @@ def _places_of(part: TablePart) -> dict[str, list[float]]:
 def column_entry(quantity: str, guess: Guess) -> Entry:
     """Return the line of log.toml that names a column or a field."""
     weak = "perhaps" in guess.reason or "too " in guess.reason
-    return Entry(quantity, _column(guess), guess.reason, "perhaps" if weak else "likely")
+    return Entry(KEYS.get(quantity, quantity), _column(guess), guess.reason, "perhaps" if weak else "likely")
 
 
 def _column(guess: Guess) -> Any:

@@ -147,6 +147,21 @@ def test_the_team_is_read_from_messages_of_many_types(tmp_path, habit):
         assert abs(moved.turn[-1] - (np.diff(t) * omega[:-1]).sum()) < 0.02
 
 
+def test_what_a_camera_saw_may_be_places_in_its_axes(tmp_path):
+    """z ahead and x to the right, of whom each message names."""
+    files, definitions = two_robots(seconds=40), {"lab_msgs/msg/Seen": "string id\ngeometry_msgs/Point[] at"}
+    write_messages(tmp_path / "team", [one for make in USUAL.values() for one in make(files)])
+    text = inspect_recording(tmp_path).text
+    t = files["odom_red.csv"]["time"]
+    seen = [("/red/camera", "lab_msgs/msg/Seen", s, {"id": "blue", "at": [{"x": -1.5, "y": 9.0, "z": 2.0}]}) for s in t]
+    write_messages(tmp_path / "camera", seen, definitions)
+    fields = 'other = "id"\nx = "at.z"\ny = { column = "at.x", unit = "-m" }\n'
+    (tmp_path / "log.toml").write_text(f'{text}\n[sightings]\ntopic = "/{{robot}}/camera"\n{fields}')
+    found = inspect_recording(tmp_path).log.readings["sighting"]
+    assert len(found.time) == len(t)
+    np.testing.assert_allclose(found.values, [[2.5, np.arctan2(1.5, 2.0)]] * len(t))
+
+
 def test_frames_that_odometry_moves_are_no_truth(tmp_path):
     files = two_robots(seconds=40)
     made = USUAL | {"truth": frames("odom")}

@@ -35,7 +35,7 @@ def guessed(folder, columns, name="table.csv"):
         ("ang_z", "turn_rate", ""),
         ("lin_y", "", ""),
         ("ang_x", "", ""),
-        ("rel_x", "", ""),
+        ("rel_x", "ahead", ""),
         ("euler_z", "heading", ""),
         ("delta_s", "dx", ""),
         ("d_y [mm]", "dy", "mm"),

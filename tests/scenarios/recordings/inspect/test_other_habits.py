@@ -362,12 +362,18 @@ def test_columns_that_are_left_are_named_once_for_all_files(team):
     assert {"uwb.csv: columns range_raw", "truth_blue.csv, truth_red.csv: columns remark"} <= {*unused}
 
 
-def test_relative_positions_say_what_to_write(team):
-    folder = team()
-    seen = pd.DataFrame({"time": [1.7e9, 1.7e9 + 1], "observer": "red", "target": "blue", "rel_x": 1.0, "rel_y": 2.0})
-    seen.to_csv(folder / "detections.csv", index=False)
-    unused = " ".join(cl.inspect(folder).inspected.unused)
-    assert "rel_x, rel_y: a relative position: write range and bearing, hypot(x, y) and atan2(y, x)" in unused
+def test_relative_positions_are_sightings(team):
+    def relative(files):
+        files = seen(files)
+        camera = files["camera.csv"]
+        d, bearing = camera.pop("range"), camera.pop("bearing")
+        files["camera.csv"] = camera.assign(rel_x=d * np.cos(bearing), rel_y=d * np.sin(bearing))
+        return files
+
+    (polar, plain) = (cl.inspect(team(change), again=True).inspected for change in (seen, relative))
+    assert 'x = "rel_x"' in plain.text
+    assert plain.findings == ()
+    np.testing.assert_allclose(plain.log.readings["sighting"].values, polar.log.readings["sighting"].values, atol=1e-9)
 
 
 def gyroscope(late=0.0, headings=False, counter=False):
