@@ -30,8 +30,10 @@ from cooploc.scenarios.recordings.inspect.csv_draft import (
 from cooploc.scenarios.recordings.inspect.draft_toml import Draft, DraftTable, Entry
 from cooploc.scenarios.recordings.inspect.naming import (
     ODOMETRY,
+    OTHERS,
     TRUTH,
     clean_name,
+    file_pattern,
     match_names,
     name_meaning,
     pairs_of_robots,
@@ -48,6 +50,11 @@ SPEED = {"Odometry": "twist.twist.linear.x", "TwistWithCovarianceStamped": "twis
 SPEED |= {"TwistStamped": "twist.linear.x", "Twist": "linear.x"}  # type -> field
 STATES = TRUTH - {"ground", "pos", "cap"}  # words by which a topic of Odometry is the truth, as of a simulator
 NO_MEASUREMENTS = ("std_msgs", "rcl_interfaces", "rosgraph_msgs", "diagnostic_msgs", "tf2_msgs", "visualization_msgs")
+ESTIMATES = {word for word, kind in OTHERS.items() if kind == "estimates"}  # of what is no truth, but a filter's
+# type -> fields of position and orientation
+PLACE = {"PoseStamped": ("pose.position", "pose.orientation"), "Pose": ("position", "orientation")}
+PLACE |= {"TransformStamped": ("transform.translation", "transform.rotation")}
+FLAT = 0.2  # [m] that robots move at least, and share of it by which a floor is flat at most
 SURE = 2.0  # times the misfit of the best assignment of radios that the next best must have
 
 
@@ -69,7 +76,7 @@ def bag_draft(path: Path) -> Draft:
         name
         for name, t in found.items()
         if "x [m]" in t.columns and name not in wheels.values() and "PoseArray" not in t.type
-        if name in states or not ODOMETRY & {*words_of(name)}
+        if name in states or not (ODOMETRY | ESTIMATES) & {*words_of(name)}
     ]
     truth = {robot: name for robot in wheels if (name := _topic_about(robot, poses))}
     if len(wheels) == 1 and not truth:  # its name need not be there
@@ -79,7 +86,7 @@ def bag_draft(path: Path) -> Draft:
     if not wheels and each:
         raise BadInput(differ)
     if not wheels:
-        names = ", ".join(found)[:300]
+        names = ", ".join(f"{t.name} ({t.type.rpartition('/')[2]})" for t in there)[:300]
         raise BadInput(f"{path}: no robot has odometry (nav_msgs/Odometry, or speeds and turn rates); topics: {names}")
     wheels = {robot: wheels[robot] for robot in truth or wheels}
     robots, numbers = list(wheels), {name: t.type for name, t in found.items() if t.type in (RANGE, *NUMBERS)}
@@ -88,8 +95,7 @@ def bag_draft(path: Path) -> Draft:
     tables = _odometry(
         wheels, series, of_fields, {robot: one for robot in robots if (one := _topic_about(robot, imus))}
     )
-    why = "a pose under the name or number of a robot that is not odometry"
-    tables += [DraftTable("truth", (_topics(truth, why),))] if truth else _truth_of_fields(of_fields, robots)
+    tables += [_truth(truth, series)] if truth else _truth_of_fields(of_fields, robots)
     tables += _ranges(numbers, robots, truth, series)
     in_bag, beside = {table.name for table in tables}, Draft(())
     for home in text_folders(runs[0]):
@@ -153,6 +159,9 @@ def _by_robot(topics: Sequence[str]) -> dict[str, str]:
         parts = {name: name.strip("/").split("/") for name in reversed(topics)}
         return {parts[name][0] if len(parts[name]) > 1 else "robot": name for name in parts}
     found = {part: name for name, part, pattern in reversed(marked) if pattern == best}
+    if all(ODOMETRY & {*words_of(robot)} for robot in found):  # /odom_1 is of 1
+        names = list(found.values())
+        found = dict(zip(file_pattern([f"{name}." for name in names])[1], names, strict=False)) or found
     letters = {re.sub(r"\d", "", robot) for robot in found}
     for name, part, _ in marked:  # the same kind of robot under another topic
         if part not in found and re.search(r"\d", part) and re.sub(r"\d", "", part) in letters:
@@ -203,6 +212,20 @@ def _wheels(found: Sequence[TopicInfo], of_fields: Mapping[str, CsvTable]) -> di
         if some := [t.name for t in found if t.type.rpartition("/")[2] in forms] if forms else fields:
             return _by_robot(some)
     return {}
+
+
+def _truth(truth: Mapping[str, str], series: Mapping[str, TopicSeries]) -> DraftTable:
+    """Return the truth in poses; where all robots move along x and z alone, y is up, as some trackers have it."""
+    where = _topics(truth, "a pose under the name or number of a robot that is not odometry")
+    every = [series[topic] for topic in truth.values()]
+    width, height = (max(np.ptp(one.select(q, table="truth")) for one in every) for q in ("y [m]", "z [m]"))
+    form = every[0].type.rpartition("/")[2]
+    if form not in PLACE or height < FLAT or width > FLAT * height:
+        return DraftTable("truth", (where,))
+    (place, turn), why = PLACE[form], f"y is up: it changes by {width:.2g} m, and z by {height:.2g} m"
+    y, heading = {"column": f"{place}.z", "unit": "-m"}, {"quaternion": [f"{turn}.y", f"{turn}.w"]}
+    entries = [Entry("x", f"{place}.x", why, "likely"), Entry("y", y, why, "likely")]
+    return DraftTable("truth", (where, *entries, Entry("heading", heading, why, "likely")))
 
 
 def _truth_of_fields(of_fields: Mapping[str, CsvTable], robots: Sequence[str]) -> list[DraftTable]:
@@ -300,8 +323,11 @@ def _odometry(
     own = first_columns(of_fields[first].guesses, ("speed", "turn_rate")) if first in of_fields else {}
     fields = [column_entry(quantity, guess) for quantity, guess in own.items()]
     turns = "turn_rate" in own or any(one.select("omega [rad/s]").any() for one in every)
-    if kind == "pose" or turns or len(imus) < len(wheels):
+    if kind == "pose" or turns or (len(imus) < len(wheels) and not fields):
         return [DraftTable("odometry", (Entry("kind", kind, why, "likely"), where, *fields))]
+    if not imus and fields:
+        lack = "its messages have speeds and no turn rates, and there is no topic of sensor_msgs/Imu"
+        raise BadInput(f"topic {first}: {lack}; add turn rates, as of a gyroscope, in a CSV file beside ([turns])")
     fields = fields or [Entry("speed", SPEED[every[0].type.rpartition("/")[2]], "its speeds", "likely")]
     rate = Entry("turn_rate", "angular_velocity.z", "turn rates of a gyroscope, as odometry has none", "likely")
     return [

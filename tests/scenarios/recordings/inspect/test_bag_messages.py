@@ -1,5 +1,7 @@
 """One team in bags whose messages are of many types: each is read as the same recording, without a log.toml by hand."""
 
+import re
+
 import numpy as np
 import pytest
 from made_bags import pose_at, write_messages
@@ -72,6 +74,18 @@ def frames(parent):
     return messages
 
 
+def beside_an_estimate(files):
+    """The truth, and in topics that come first in the alphabet what a filter says."""
+    estimates = truth("/amcl/{}/pose", f"{G}PoseStamped", lambda x, y, h: posed(x + 1, y - 1, h))
+    return [*estimates(files), *USUAL["truth"](files)]
+
+
+def upright(x, y, heading):
+    """A pose in axes of which y is up."""
+    place = {"pose.position.x": x, "pose.position.y": 0.1, "pose.position.z": -y}
+    return place | {"pose.orientation.y": np.sin(heading / 2), "pose.orientation.w": np.cos(heading / 2)}
+
+
 def gyroscopes(files):
     """Speeds alone as odometry, and turn rates of another topic."""
     speeds = odometry("/{}/velocity", "geometry_msgs/msg/TwistStamped", lambda v, w: {"twist.linear.x": v})
@@ -105,6 +119,8 @@ HABITS = {
     "points": {"truth": truth("/leica/{}", f"{G}PointStamped", lambda x, y, h: {"point.x": x, "point.y": y})},
     "vectors": {"truth": truth("/leica/{}", f"{G}Vector3Stamped", lambda x, y, h: {"vector.x": x, "vector.y": y})},
     "own poses": {"truth": truth("/{}/gt", "lab_msgs/msg/Place", lambda x, y, h: {"x": x, "y": y, "theta": h})},
+    "y is up": {"truth": truth("/vrpn/{}/pose", f"{G}PoseStamped", upright)},
+    "an estimate": {"truth": beside_an_estimate},
     "a satellite": {"truth": truth("/{}/fix", "sensor_msgs/msg/NavSatFix", on_globe)},
     "frames": {"truth": frames("world")},
     "models": {"truth": together("/gazebo/model_states", "gazebo_msgs/msg/ModelStates", lambda poses: {
@@ -171,16 +187,20 @@ def test_frames_that_odometry_moves_are_no_truth(tmp_path):
     assert any(line.startswith("truth, as no pose has the name") for line in found.unused)
 
 
-def test_a_robots_name_is_a_word_of_its_topics(tmp_path):
-    """Robots tb3_blue and tb3_red share letters and a number, r1 stands in r10."""
-    files = two_robots(seconds=40)
-    for k, names in enumerate((("tb3_blue", "tb3_red"), ("r1", "r10"))):
-        written = dict(zip(ROBOTS, names, strict=True))
-        messages = [one for make in USUAL.values() for one in make(files)]
-        renamed = [("/".join(written.get(word, word) for word in topic.split("/")), *rest) for topic, *rest in messages]
-        write_messages(tmp_path / f"team{k}", renamed)
-        log = inspect_recording(tmp_path / f"team{k}").log
-        assert [one.source for one in log.truth] == [f"/vrpn/{name}/pose" for name in log.robots]
+@pytest.mark.parametrize("names", [("tb3_blue", "tb3_red"), ("r1", "r10"), ("1", "2")])
+def test_a_robots_name_is_a_word_of_its_topics(tmp_path, names):
+    """Robots tb3_blue and tb3_red share letters and a number, r1 stands in r10, and /odom_1 is of 1."""
+    written = dict(zip(ROBOTS, names, strict=True))
+    messages = [one for make in USUAL.values() for one in make(two_robots(seconds=40))]
+    for robot, name in written.items():
+        messages = [(topic.replace(f"/{robot}", f"/{name}"), *rest) for topic, *rest in messages]
+    if names == ("1", "2"):
+        messages = [(re.sub(r"/([12])/odom", r"/odom_\1", topic), *rest) for topic, *rest in messages]
+    write_messages(tmp_path / "team", messages)
+    log = inspect_recording(tmp_path).log
+    assert log.robots == names
+    assert [one.source for one in log.truth] == [f"/vrpn/{name}/pose" for name in names]
+    assert len(log.readings["range"].time) > 100
 
 
 def test_places_on_the_globe_are_those_of_the_tangent_plane():
