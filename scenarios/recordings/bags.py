@@ -10,7 +10,7 @@ Columns may be fields of messages of any type whose definition is in the bag, as
 
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from itertools import product
+from itertools import permutations, product
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -389,6 +389,7 @@ def read_run(place: Path, name: str, description: TeamDescription) -> TeamLog:
     warnings = list(dict.fromkeys(line for _, lines in read.values() for line in lines))
     patterns = [re.sub(r"\{\w+\}", "*", (one.file or "").replace("[", "[[]")) for one, _ in sources if one.in_files]
     homes = [folder for folder in text_folders(place) if any(any(folder.glob(pattern)) for pattern in patterns)]
+    mates = dict(permutations(d.robots, 2))  # of two, the only one
 
     def rows_of_topics(
         source: schema.Source, columns: Sequence[schema.LogColumn | None], others: Sequence[str]
@@ -406,9 +407,8 @@ def read_run(place: Path, name: str, description: TeamDescription) -> TeamLog:
             if is_reading and not other and not named[1] and len(d.robots) != 2:
                 raise BadInput(f"topic {topic} does not say what was measured; write it with {{other}} in log.toml")
             time, values = values_of(source, series, columns)
-            mate = other or next((one for one in d.robots if one != robot), "")  # its only teammate
             who = [names[0] for names in named_by] if named[0] else [robot] * len(time)
-            what = [names[-1] for names in named_by] if named[1] else [mate] * len(time)
+            what = [names[-1] for names in named_by] if named[1] else [other or mates.get(one, "") for one in who]
             yield csv_files.CsvRows(topic, time[:, None], time + source.clock_offset, who, what, values)
         if is_reading and not seen:
             names = source.topic or ", ".join(source.topics.values())

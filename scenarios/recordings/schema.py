@@ -169,6 +169,12 @@ class Source(Strict):
         if (self.file is not None and stated) if each else lacking:
             or_each = ', or one for each robot or anchor: each = { name = "..." }' if hasattr(self, "each") else ""
             raise ValueError(f"name the columns {' and '.join(self.columns)}{or_each}")
+        names = {"robot", "other"} & {key for key, value in self if isinstance(value, LogColumn)}
+        numbers = [value for key, value in self if isinstance(value, LogColumn) and key not in names]
+        if self.file is None and names and not numbers:
+            raise ValueError(
+                f'names by {" and ".join(sorted(names))} need numbers: name their fields, too, as in range = "..."'
+            )
         return self
 
     @property

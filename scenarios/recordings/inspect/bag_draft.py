@@ -233,7 +233,7 @@ def _truth_of_fields(of_fields: Mapping[str, CsvTable], robots: Sequence[str]) -
     why, about = "its messages have places", dict[str, dict[str, Guess]]()
     for topic, table in of_fields.items():
         own = first_columns(table.guesses, ("x", "y", "heading"))
-        if not {"x", "y"} <= own.keys() or ODOMETRY & {*words_of(topic)}:
+        if not {"x", "y"} <= own.keys() or (ODOMETRY | ESTIMATES) & {*words_of(topic)}:
             continue
         column = next((g.column for g in table.guesses if g.quantity == "robot" or "child_frame_id" in g.column), "")
         if not column:
@@ -314,10 +314,8 @@ def _odometry(
     first, every = next(iter(wheels.values())), [series[topic] for topic in wheels.values() if topic in series]
     kind, why, where = "velocity", "its messages have speeds", _topics(wheels, "its messages have speeds")
     if every and every[0].type.endswith("/Odometry"):
-        where, why = (
-            _topics(wheels, "its type is Odometry"),
-            "the headings of the poses do not turn as the turn rates beside them",
-        )
+        where = _topics(wheels, "its type is Odometry")
+        why = "the headings of the poses do not turn as the turn rates beside them"
         if all(map(_turns_as_stated, every)) and any(np.ptp(one.select("x [m]")) > 0.01 for one in every):
             kind, why = "pose", "poses lose nothing with a lost message"
     own = first_columns(of_fields[first].guesses, ("speed", "turn_rate")) if first in of_fields else {}

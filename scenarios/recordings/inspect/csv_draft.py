@@ -464,11 +464,12 @@ def _draft_table(
 
 
 def origin_entry(columns: Mapping[str, Guess], table: CsvTable) -> list[Entry]:
-    """Return the line for latitudes and longitudes: where on the globe x and y are 0, the first place of a robot."""
+    """Return the line for latitudes and longitudes: where on the globe x and y are 0, the middle of a robot's path."""
     if not naming.is_on_globe(columns["y"].column):
         return []
-    places = [float(np.append(table.numbers(columns[q].column), 0.0)[0]) for q in "yx"]
-    why = "latitude and longitude [deg] of x = y = 0: the first position"
+    every = [table.numbers(columns[q].column) for q in "yx"]
+    places = [float(np.median(degrees[degrees != 0])) if degrees.any() else 0.0 for degrees in every]
+    why = "latitude and longitude [deg] of x = y = 0: the middle of a path"
     return [Entry("origin", [round(degrees, 6) for degrees in places], why, "likely")]
 
 

@@ -7,6 +7,7 @@ import pytest
 from made_bags import pose_at, write_messages
 from made_csv_teams import two_robots
 
+from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.recordings.inspect.inspection import inspect_recording
 from cooploc.scenarios.recordings.inspect.motion import robot_motion
 from cooploc.scenarios.recordings.team_log import metres_on_globe
@@ -176,6 +177,23 @@ def test_what_a_camera_saw_may_be_places_in_its_axes(tmp_path):
     found = inspect_recording(tmp_path).log.readings["sighting"]
     assert len(found.time) == len(t)
     np.testing.assert_allclose(found.values, [[2.5, np.arctan2(1.5, 2.0)]] * len(t))
+
+
+def test_a_field_may_say_who_measured_and_the_teammate_follows(tmp_path):
+    """Ranges of both robots are in one topic, and the frames of their headers are the robots."""
+    files = two_robots(seconds=40)
+    both = [
+        ("/uwb", "sensor_msgs/msg/Range", t, {"range": d, "header.frame_id": robot})
+        for t, robot, _, d in zip(*files["uwb.csv"].values(), strict=True)
+    ]
+    write_messages(tmp_path / "team", both + [one for kind in ("odometry", "truth") for one in USUAL[kind](files)])
+    text, fields = inspect_recording(tmp_path).text, 'topic = "/uwb"\nrobot = "header.frame_id"\n'
+    (tmp_path / "log.toml").write_text(f'{text}\n[ranges]\n{fields}range = "range"\n')
+    found = inspect_recording(tmp_path)
+    assert (len(found.log.readings["range"].time), found.findings) == (len(both), ())
+    (tmp_path / "log.toml").write_text(f"{text}\n[ranges]\n{fields}")
+    with pytest.raises(BadInput, match=r"ranges: names by robot need numbers: name their fields, too"):
+        inspect_recording(tmp_path)
 
 
 def test_frames_that_odometry_moves_are_no_truth(tmp_path):

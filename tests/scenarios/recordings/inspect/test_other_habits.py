@@ -416,7 +416,7 @@ def test_a_gyroscope_with_a_clock_of_its_own_is_found_and_corrected(team):
     assert not [one for one in cl.inspect(folder).inspected.findings if one.kind == "clock"]
 
 
-def test_a_truth_in_degrees_on_the_globe_is_in_metres_from_its_first_position(team):
+def test_a_truth_in_degrees_on_the_globe_is_in_metres(team):
     found, files = cl.inspect(team(on_globe)).inspected, two_robots(seconds=60)
     assert "origin = [48.0" in found.text
     assert (found.findings, found.trial.problem) == ((), "")
