@@ -50,7 +50,7 @@ SPEED = {"Odometry": "twist.twist.linear.x", "TwistWithCovarianceStamped": "twis
 SPEED |= {"TwistStamped": "twist.linear.x", "Twist": "linear.x"}  # type -> field
 STATES = TRUTH - {"ground", "pos", "cap"}  # words by which a topic of Odometry is the truth, as of a simulator
 NO_MEASUREMENTS = ("std_msgs", "rcl_interfaces", "rosgraph_msgs", "diagnostic_msgs", "tf2_msgs", "visualization_msgs")
-ESTIMATES = {word for word, kind in OTHERS.items() if kind == "estimates"}  # of what is no truth, but a filter's
+ESTIMATES = {word for word, kind in OTHERS.items() if kind == "estimates"}  # in names of topics that a filter writes
 # type -> fields of position and orientation
 PLACE = {"PoseStamped": ("pose.position", "pose.orientation"), "Pose": ("position", "orientation")}
 PLACE |= {"TransformStamped": ("transform.translation", "transform.rotation")}
@@ -92,9 +92,8 @@ def bag_draft(path: Path) -> Draft:
     robots, numbers = list(wheels), {name: t.type for name, t in found.items() if t.type in (RANGE, *NUMBERS)}
     series = read_topics(whole, [t for t in (*wheels.values(), *truth.values(), *numbers) if t in found])[0]
     imus = [t.name for t in there if t.type == IMU]
-    tables = _odometry(
-        wheels, series, of_fields, {robot: one for robot in robots if (one := _topic_about(robot, imus))}
-    )
+    gyroscopes = {robot: topic for robot in robots if (topic := _topic_about(robot, imus))}
+    tables = _odometry(wheels, series, of_fields, gyroscopes)
     tables += [_truth(truth, series)] if truth else _truth_of_fields(of_fields, robots)
     tables += _ranges(numbers, robots, truth, series)
     in_bag, beside = {table.name for table in tables}, Draft(())

@@ -36,6 +36,7 @@ def guessed(folder, columns, name="table.csv"):
         ("lin_y", "", ""),
         ("ang_x", "", ""),
         ("rel_x", "ahead", ""),
+        ("range_count", "", ""),
         ("euler_z", "heading", ""),
         ("delta_s", "dx", ""),
         ("d_y [mm]", "dy", "mm"),
