@@ -65,15 +65,14 @@ def fuse_compiled(p: Any, s: BroadcastState, z: Senses, mail: Mail, rule: Rule) 
     built_in = all(type(sensor) in KINDS and loss_of(sensor) == "none" for sensor, _, _ in tables)
     if p.engine != "batched" or not built_in:
         return fuse_broadcasts(p, s, z, mail)
-    x, P, sent = s.x.copy(), s.P.copy(), Message.unpack(mail.packets, s.x.shape[-1])
-    senders = readable(sent.x), readable(sent.P[0])
-    if "sighting" in s.world.sensors and sent.sightings.shape[2]:
-        tables.append((s.world.sensors["sighting"], sent.sightings[np.arange(len(s.robot)), :, s.robot], True))
+    d, x, P, packets = s.x.shape[-1], s.x.copy(), s.P.copy(), readable(mail.packets)
+    if "sighting" in s.world.sensors and packets.shape[-1] > d + d * (d + 1) // 2:
+        tables.append((s.world.sensors["sighting"], z.sighting, True))
     for sensor, readings, by_sender in tables:
         one_number = readings.shape[-1] == 1 and rule.block == 2  # then the weight is a root, and nothing is searched
         block = None if one_number or not rule.intersect else rule.block
         model, how = (*sensor_model(sensor), sensor.R), (rule.intersect, rule.trace, float(p.gate))
-        if not _fuse(x, P, senders, readable(readings), model, by_sender, how, block, (0,) * x.shape[-1]):
+        if not _fuse(x, P, s.robot, packets, readable(readings), model, by_sender, how, block, (0,) * d):
             return fuse_broadcasts(p, s, z, mail)  # it says which covariance cannot be used
     return s._replace(x=x, P=P)
 
@@ -110,28 +109,46 @@ def _squared_distance(y, S, e):
     return far
 
 
+@strict_inlined
+def _read_belief(packet, x, P):
+    """Write the belief at the beginning of a packet, as `Message` packs it."""
+    d = len(x)
+    at = d
+    for a in range(d):
+        x[a] = packet[a]
+        for b in range(a, d):
+            P[a, b] = P[b, a] = packet[at]
+            at += 1
+
+
 @strict_kernel
-def _fuse(x, P, senders, z, model, by_sender, how, block, axes):
-    """Update x (r, d), P (r, d, d) in place by readings z (r, n, k) of senders or by them; False where a P is none.
+def _fuse(x, P, robot, packets, z, model, by_sender, how, block, axes):
+    """Update x (r, d), P (r, d, d) in place by readings z (r, n, k) of senders; False where a sender's P is none.
+
+    Or by those that the senders made of the `robot` (r,), in their packets (r, n, m) behind the belief.
 
     y = z - h,  N = H_j P_j H_j',  S = H P H' + N + R. Independent: by S. Intersected: by P/w and N/(1-w), gated by S of
     independent robots, twice as wide. Where `block` is None nothing that searches for w is compiled.
     """
-    (x_j, P_j), (kind, A, slope, R), (intersect, trace, gate) = senders, model, how
+    (kind, A, slope, R), (intersect, trace, gate) = model, how
     d, n, k = len(axes), z.shape[1], z.shape[2]
+    x_j, P_j = np.empty(d), np.empty((d, d))
     y, H, H_j, N, noise = np.empty(k), np.empty((k, d)), np.empty((k, d)), np.empty((k, k)), np.empty((k, k))
     S, e, B, C, M = np.empty((k, k)), np.empty((k, 1)), np.empty((k, d + 1)), np.empty((d, d)), np.empty((3, d, d))
     for r in range(len(x)):
         for j in range(n):
-            if np.isnan(z[r, j, 0]):
+            at = d + d * (d + 1) // 2 + k * robot[r]
+            reading = packets[r, j, at : at + k] if by_sender else z[r, j]
+            if np.isnan(reading[0]):
                 continue
+            _read_belief(packets[r, j], x_j, P_j)
             if by_sender:
-                linearise_row(kind, A, slope, x_j[r, j], x[r], z[r, j], y, H_j)
+                linearise_row(kind, A, slope, x_j, x[r], reading, y, H_j)
                 _mirror_place(H_j, H)
             else:
-                linearise_row(kind, A, slope, x[r], x_j[r, j], z[r, j], y, H)
+                linearise_row(kind, A, slope, x[r], x_j, reading, y, H)
                 _mirror_place(H, H_j)
-            _fill_form(H_j, P_j[r, j], N)
+            _fill_form(H_j, P_j, N)
             fill_sum(1.0, N, 1.0, R, noise)
             if not is_known(y, H, noise):
                 continue
@@ -142,7 +159,7 @@ def _fuse(x, P, senders, z, model, by_sender, how, block, axes):
             fill_sum(1.0, S, 1.0, noise, S)
             if not _squared_distance(y, S, e) <= 2 * gate:
                 continue
-            known, _ = root(P_j[r, j], M, axes)
+            known, _ = root(P_j, M, axes)
             if known == ABSENT:  # the sender knows nothing
                 continue
             if known == BAD:

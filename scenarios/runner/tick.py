@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from difflib import get_close_matches
 from functools import cached_property
-from typing import Any, ClassVar, cast, get_args
+from typing import Any, ClassVar, get_args
 
 import numba
 import numpy as np
@@ -93,59 +93,46 @@ def select_channels(name: str, uses: tuple[str, ...], stream: Stream) -> set[str
 # Mail: compiled, since every tick delivers and counts it.
 
 
-def deliver(sent: Array, robots: int, link: Mask, rssi: Array, distance: Array) -> Mail:
-    """Deliver packets over the links that hold, in arrays of their own; a packet of nan only is silence.
+def deliver(sent: Array, awake: Mask, link: Mask, rssi: Array, distance: Array) -> tuple[Mail, Traffic]:
+    """Deliver packets over the links that hold, in arrays of their own, and count them, whether they arrive or not.
 
-    `sent` is (t n, m) for everyone, or (t n, n, m) with axis 1 the addressee. Axis 1 of `link`, `rssi` [dBm] and
-    `distance` [m] (t, n, n) is the receiver.
+    `sent` is (t n, m) for everyone, or (t n, n, m) with axis 1 the addressee; a packet of nan only is silence. Axis 1
+    of `link`, `rssi` [dBm] and `distance` [m] (t, n, n) is the receiver. Messages and bytes are those of the robots
+    `awake` (t, n), none to oneself.
     """
-    t, n, m = len(link), robots, sent.shape[-1]
-    heard, packets = np.empty((t, n, n), bool), np.empty((t, n, n, m), sent.dtype)
-    signal, away = np.empty((t, n, n)), np.empty((t, n, n))
-    wire = readable(sent.reshape(t, n, -1, m) if m else np.empty((t, n, 1, 0)))
-    _deliver(wire, readable(link), readable(rssi), readable(distance), heard, packets, signal, away)
-    return Mail(*(lock(a).reshape(t * n, *a.shape[2:]) for a in (heard, packets, signal, away)))
-
-
-def count(sent: Array, awake: Mask) -> Traffic:
-    """Count messages and bytes of what the robots `awake` (t, n) sent, whether it arrives or not; none to oneself."""
-    t, n = awake.shape
-    messages, size = np.zeros((t, n)), np.zeros((t, n))
-    if sent.shape[-1]:
-        wire = readable(sent.astype(float, copy=False).reshape(t, n, -1, sent.shape[-1]))
-        _count(wire, readable(awake), sent.ndim == 3, sent.itemsize, messages, size)
-    return Traffic(messages, size)
+    (t, n), m = awake.shape, sent.shape[-1]
+    heard, packets = np.empty((t * n, n), bool), np.empty((t * n, n, m), sent.dtype)
+    signal, away = np.empty((t * n, n)), np.empty((t * n, n))
+    traffic = Traffic(np.zeros((t, n)), np.zeros((t, n)))
+    wire = readable(sent.reshape(t, n, n if sent.ndim == 3 else 1, m))
+    radio = readable(awake), readable(link), readable(rssi), readable(distance)
+    _deliver(wire, sent.ndim == 3, *radio, heard, packets, signal, away, *traffic)
+    return Mail(lock(heard), lock(packets), lock(signal), lock(away)), traffic
 
 
 @numba.njit(cache=True)
-def _deliver(wire, link, rssi, distance, heard, packets, signal, away):
+def _deliver(wire, addressed, awake, link, rssi, distance, heard, packets, signal, away, messages, size):
     t, n, addressees, m = wire.shape
-    for s in range(t):
-        for i in range(n):
-            for j in range(n):
-                to, said = min(i, addressees - 1), False
-                for c in range(m):
-                    said |= not np.isnan(wire[s, j, to, c])
-                heard[s, i, j] = hears = link[s, i, j] and said
-                signal[s, i, j] = rssi[s, i, j] if hears else np.nan
-                away[s, i, j] = distance[s, i, j] if hears else np.nan
-                for c in range(m):
-                    number = wire[s, j, to, c]
-                    packets[s, i, j, c] = number if hears and not np.isnan(number) else np.nan
-
-
-@numba.njit(cache=True)
-def _count(wire, awake, addressed, itemsize, messages, size):
-    t, n, addressees, m = wire.shape
+    speaks = np.empty((n, addressees), np.bool_)
     for s in range(t):
         for j in range(n):
             for to in range(addressees):
                 numbers = 0
                 for c in range(m):
                     numbers += not np.isnan(wire[s, j, to, c])
+                speaks[j, to] = numbers > 0
                 if numbers and awake[s, j] and not (addressed and to == j):
                     messages[s, j] += 1
-                    size[s, j] += numbers * itemsize + HEADER
+                    size[s, j] += numbers * wire.itemsize + HEADER
+        for i in range(n):
+            to = i if addressed else 0
+            for j in range(n):
+                r, hears = s * n + i, link[s, i, j] and speaks[j, to]
+                heard[r, j] = hears
+                signal[r, j] = rssi[s, i, j] if hears else np.nan
+                away[r, j] = distance[s, i, j] if hears else np.nan
+                for c in range(m):
+                    packets[r, j, c] = wire[s, j, to, c] if hears else np.nan
 
 
 # The ticks.
@@ -177,7 +164,8 @@ class _Loop:
 
     def __init__(self, name: str, estimator: Any, stream: Stream, watch: Watcher | None, rows: Rows | None) -> None:
         self.name, self.estimator, self.stream, self.watch = name, estimator, stream, watch
-        self.shape = stream.senses.dt.shape[0], stream.robots
+        self.shape = t, n = stream.senses.dt.shape[0], stream.robots
+        self.lead = (t, n) if self.team else (t * n,)
         self.rows = rows or seeds.rows(stream.seed, stream.trial, stream.robots)
         self.centralised = traits(estimator).centralised
         self.state: Any = None
@@ -191,10 +179,14 @@ class _Loop:
             raise EstimatorError(f"{self.name}: {method}() returned None {when}: did you forget its return?")
         return returned
 
-    def senses(self, k: int, flat: bool) -> Senses:
+    def senses(self, k: int) -> Senses:
         z = self.stream.senses
-        arrays = {c: self._at(getattr(z, c), k, flat) for c in (*SENSED, "dt")}
-        return Senses(**arrays, extra={c: self._at(a, k, flat) for c, a in z.extra.items()})
+        own = {c: self.cut(getattr(z, c), k) for c in (*SENSED, "dt")}
+        return Senses(**own, extra={c: self.cut(a, k) for c, a in z.extra.items()})
+
+    def cut(self, a: Array, k: int) -> Array:
+        """Return a channel in one tick, read-only, from which nothing leads to other channels, trials or ticks."""
+        return np.ndarray((*self.lead, *a.shape[3:]), a.dtype, a[:, k].tobytes())
 
     def air(self, k: int) -> tuple[Any, Array, Array]:
         air = self.stream.air
@@ -216,14 +208,8 @@ class _Loop:
         finite = sum(a.reshape(*senses.dt.shape, -1).sum(-1) for a in (*sensed, *heard))
         return Traffic((finite > 0).astype(float), np.where(finite > 0, finite * 8.0 + HEADER, 0.0))
 
-    def _at(self, a: Array, k: int, flat: bool) -> Array:
-        tick = a[:, k]
-        t, n, *of_one = tick.shape
-        return cast(Array, freeze(tick, (t * n, *of_one) if flat else tick.shape))
-
     def belief(self, k: int) -> Belief:
-        lead = self.shape if self.team else (self.shape[0] * self.shape[1],)
-        return self.require_shape(self.call("estimate", k, self.state), lead, f"estimate() at tick {k}")
+        return self.require_shape(self.call("estimate", k, self.state), self.lead, f"estimate() at tick {k}")
 
     def require_shape(self, belief: Belief, lead: tuple[int, ...], where: str) -> Belief:
         d = self.stream.prior.x.shape[-1]
@@ -246,7 +232,7 @@ class Robots(_Loop):
         self.state = self.call("init", -1, prior, self.stream.world, rows)
 
     def tick(self, k: int) -> tuple[Belief, Traffic]:
-        z = self.senses(k, flat=True)
+        z = self.senses(k)
         self.state = self.call("predict", k, self.state, z)
         self.state = self.call("correct", k, self.state, z)
         sent = self.call("send", k, self.state, z)
@@ -266,16 +252,13 @@ class Robots(_Loop):
         sent = sent if np.issubdtype(sent.dtype, np.floating) else sent.astype(float)
         if sent.shape[-1] == 0 and sent.dtype == float:
             return self.silence
-        awake = self.stream.senses.dt[:, k] > 0  # a robot that is asleep sends nothing
-        mail = deliver(sent, n, link, rssi, distance)
-        return mail, count(sent, awake.reshape(t, n))
+        return deliver(sent, self.stream.senses.dt[:, k] > 0, link, rssi, distance)  # who is asleep sends nothing
 
     @cached_property
     def silence(self) -> tuple[Mail, Traffic]:
         """Mail and traffic of an estimator that never transmits, the same in every tick."""
         (t, n), sent = self.shape, np.empty((len(self.rows.key), 0))
-        mail = deliver(sent, n, np.zeros((t, n, n), bool), self.hidden, self.hidden)
-        return mail, count(sent, np.ones((t, n), bool))
+        return deliver(sent, np.ones((t, n), bool), np.zeros((t, n, n), bool), self.hidden, self.hidden)
 
 
 class Team(_Loop):
@@ -289,7 +272,7 @@ class Team(_Loop):
         self.state = self.call("init", -1, *self.prior_world_rows())
 
     def tick(self, k: int) -> tuple[Belief, Traffic]:
-        z = self.senses(k, flat=False)
+        z = self.senses(k)
         link, rssi, distance = self.air(k)
         t, n = self.shape
         heard = (a if a is self.hidden else lock(np.where(link, a, np.nan)) for a in (rssi, distance))
@@ -323,9 +306,9 @@ class Offline(_Loop):
         return Belief(*(a[:, k] for a in self.state)), Traffic(*(a[:, k] for a in self.uplink))
 
 
-def freeze(a: Any, shape: tuple[int, ...] | None = None) -> Any:
-    """Return a copy that cannot be written to, nor lead back to what it was cut from: other channels, trials, ticks."""
-    return np.ndarray(a.shape if shape is None else shape, a.dtype, a.tobytes())
+def freeze(a: Any) -> Any:
+    """Return a copy that cannot be written to, nor lead back to what it was cut from."""
+    return np.ndarray(a.shape, a.dtype, a.tobytes())
 
 
 def lock(a: Any) -> Any:

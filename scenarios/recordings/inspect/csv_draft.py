@@ -280,9 +280,11 @@ def _robots(folder: Path, parts: Sequence[TablePart]) -> tuple[str, ...]:
 
 def csv_draft(data: Path) -> Draft:
     """Return the draft for a directory of CSV files, or of runs with such files."""
-    beside, _ = _read_files([p for p in _text_files(data) if p.parent == data], data, data)
-    stamped = any(guess.quantity in ("time", "sec") for file in beside for guess in file.guesses)
-    inside = [] if stamped else [p for p in sorted(data.iterdir()) if p.is_dir() and _text_files(p)]
+    inside = [p for p in sorted(data.iterdir()) if p.is_dir() and _text_files(p)]
+    if inside:
+        beside, _ = _read_files([p for p in _text_files(data) if p.parent == data], data, data)
+        stamped = any(guess.quantity in ("time", "sec") for file in beside for guess in file.guesses)
+        inside = [] if stamped else inside
     try:  # red/odom.csv is of a robot, monday/odom_red.csv of a run: only the latter says itself whose it is
         draft, robots = _draft_run(inside[0] if inside else data, data)
     except BadInput:

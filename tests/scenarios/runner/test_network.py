@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cooploc.scenarios.runner.tick import HEADER, count, deliver
+from cooploc.scenarios.runner.tick import HEADER, deliver
 
 
 def reference(sent, n, link, rssi, distance, awake):
@@ -31,7 +31,7 @@ def test_mail_is_what_masks_of_the_whole_array_say(n, m, addressed):
     link = (rng.random((t, n, n)) < 0.7) & ~np.eye(n, dtype=bool)
     rssi, distance, awake = rng.normal(size=(t, n, n)), rng.normal(size=(t, n, n)), rng.random((t, n)) < 0.8
     rssi[0] = np.nan
-    mail, traffic = deliver(sent, n, link, rssi, distance), count(sent, awake)
+    mail, traffic = deliver(sent, awake, link, rssi, distance)
     want = reference(sent, n, link, rssi, distance, awake)
     for found, array in zip((*mail, *traffic), want, strict=True):
         np.testing.assert_array_equal(found, array.reshape(found.shape))
@@ -40,5 +40,6 @@ def test_mail_is_what_masks_of_the_whole_array_say(n, m, addressed):
 def test_single_precision_is_carried_and_counted_as_it_is():
     sent, link = np.ones((2, 3), np.float32), ~np.eye(2, dtype=bool)[None]
     pairs = np.zeros((1, 2, 2))
-    assert deliver(sent, 2, link, pairs, pairs).packets.dtype == np.float32
-    np.testing.assert_array_equal(count(sent, np.ones((1, 2), bool)).bytes, [[3 * 4 + HEADER] * 2])
+    mail, traffic = deliver(sent, np.ones((1, 2), bool), link, pairs, pairs)
+    assert mail.packets.dtype == np.float32
+    np.testing.assert_array_equal(traffic.bytes, [[3 * 4 + HEADER] * 2])
