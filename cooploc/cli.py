@@ -215,7 +215,7 @@ def judge(
         raise cl.BadInput("--estimators, --trials, --seed, --data and --offline go with a stream: leave them out")
     if len(named) < len(tum):
         raise cl.BadInput("two of --tum have one name: write NAME=DIR")
-    from cooploc.terminal.judged import show_external, show_trajectories
+    from cooploc.terminal.judge import show_external, show_trajectories
 
     shown = {"as_json": as_json, "every_column": wide, "legend": legend}
     if truth:

@@ -32,7 +32,7 @@ def adapt(name: str, plain: Any) -> PerRobot | PerTeam:
     try:
         return adapter(plain)
     except TypeError as e:
-        raise BadInput(f"{name} cannot be lifted by cl.{adapter.__name__}: {e}") from None
+        raise BadInput(f"{name} cannot be wrapped by cl.{adapter.__name__}: {e}") from None
 
 
 # What a parameter without an annotation is converted to, by the type of its default; else to the first that fits a word

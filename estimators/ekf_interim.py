@@ -129,7 +129,7 @@ def _update_by_filterpy(
     P = Phi @ Pi.reshape(t, n, n * d, n * d) @ Phi.mT
     for j in range(n):
         P[:, :, j * d : j * d + d, j * d : j * d + d] = s.P[:, None, j]
-    H, use = dense(at, n), kalman.present(y, dense(at, n), np.broadcast_to(R, (*y.shape, y.shape[-1])))
+    H, use = dense(at, n), kalman.is_present(y, dense(at, n), np.broadcast_to(R, (*y.shape, y.shape[-1])))
     S = np.where(use[:, None, None], kalman.symmetric(H @ P[:, a] @ H.mT + R), np.eye(y.shape[-1]))
     use &= definite(S)
     use &= kalman.distance(np.where(use[:, None], y, 0.0), np.where(use[:, None, None], S, np.eye(y.shape[-1]))) <= gate

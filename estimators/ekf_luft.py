@@ -19,7 +19,7 @@ import numpy as np
 
 from cooploc.estimators import kalman
 from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses, Traffic, World
-from cooploc.estimators.joint_kernels import meet, possible
+from cooploc.estimators.joint_kernels import limit_correlation, meet
 from cooploc.estimators.models import AnchorReading
 from cooploc.estimators.robust import AssumedLoss
 from cooploc.estimators.tunable import tunable
@@ -99,7 +99,7 @@ def update_pair(
     """
     d = x.shape[-1]
     parts = P[:, i].copy(), P[:, j].copy(), sigma[:, i, j] @ sigma[:, j, i].mT
-    P_ij = np.stack([possible(*trial) for trial in zip(*parts, strict=True)])
+    P_ij = np.stack([limit_correlation(*trial) for trial in zip(*parts, strict=True)])
     before = np.block([[P[:, i], P_ij], [P_ij.mT, P[:, j]]])
     pair, after = kalman.ENGINES["filterpy"].update(np.concatenate([x[:, i], x[:, j]], -1), before, *reading, gate)
     used = np.asarray((after != before).any((1, 2)))

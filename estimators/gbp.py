@@ -45,7 +45,7 @@ class Information(NamedTuple):
         one = np.eye(at.shape[-1], 2)
         return Information(times(one, eta - times(Lambda, at[:, :, None, :2])), one @ Lambda @ one.T)
 
-    def taken_from(self, belief: Belief) -> Belief:
+    def subtract_from(self, belief: Belief) -> Belief:
         """Return the belief without this information: (I - P Lambda)^-1 (x - P eta), (I - P Lambda)^-1 P."""
         x, P = belief
         keep = np.asarray(np.linalg.inv(np.eye(P.shape[-1]) - P @ self.Lambda), float)
@@ -274,11 +274,11 @@ class Gbp:
         n, newest = s.world.robots, np.arange(x.shape[1]) == x.shape[1] - 1
         other = np.arange(n) != s.robot[:, None, None]
         position = Belief(*(np.repeat(a[:, :, None], n, 2) for a in (x[..., :2], P[..., :2, :2])))
-        mine = Information(*map(np.nan_to_num, s.heard)).taken_from(position)
+        mine = Information(*map(np.nan_to_num, s.heard)).subtract_from(position)
         asked = ~np.isnan(s.heard.eta[..., 0]) | newest[:, None]
         factors = s.factors(self.loss)
         off = Belief(np.repeat(wrap_heading(x - s.at)[:, :, None], n, 2), np.repeat(P[:, :, None], n, 2))
-        yours = factors.onto_teammate(factors.onto_self(s.theirs).taken_from(off))
+        yours = factors.onto_teammate(factors.onto_self(s.theirs).subtract_from(off))
         made = factors.H_j.any((-2, -1))
         return Packet(_mask(asked & other, mine), Information(*_mask(made & other, yours))).pack(self.window)
 

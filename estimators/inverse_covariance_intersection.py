@@ -23,7 +23,7 @@ import numpy as np
 from cooploc.estimators.compiled import readable, strict_inlined, strict_kernel
 from cooploc.estimators.interface import Array, Belief
 from cooploc.estimators.joint_gaussian import definite
-from cooploc.estimators.kalman import condition, distance, present, symmetric
+from cooploc.estimators.kalman import condition, distance, is_present, symmetric
 
 HALVINGS = 60  # of [0, 1], in search of w
 
@@ -38,7 +38,7 @@ def combine(rule: Rule, belief: Belief, y: Array, H: Array, N: Array, gate: floa
     gate, or whose H P H' is singular, come back as they are.
     """
     x, P = belief
-    use = np.flatnonzero(present(y, H, N))
+    use = np.flatnonzero(is_present(y, H, N))
     S = H[use] @ P[use] @ H[use].mT + N[use]
     use = use[distance(y[use], S) <= 2 * gate]
     use = use[definite(H[use] @ P[use] @ H[use].mT)]

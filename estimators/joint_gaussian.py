@@ -14,7 +14,7 @@ import numpy as np
 from cooploc.estimators.compiled import readable
 from cooploc.estimators.interface import Array, Mask
 from cooploc.estimators.joint_kernels import LinearReadings, information
-from cooploc.estimators.kalman import ENGINES, EngineName, distance, present, symmetric
+from cooploc.estimators.kalman import ENGINES, EngineName, distance, is_present, symmetric
 from cooploc.estimators.kalman_kernels import fill_definite, widen
 
 
@@ -65,7 +65,7 @@ def sparse_update(x: Array, P: Array, y: Array, at: Mapping[int, Array], R: Arra
     """
     t, n, d = x.shape
     R = np.broadcast_to(R, (*y.shape, y.shape[-1]))
-    use = np.asarray(np.stack([present(y, H, R) for H in at.values()]).all(0))
+    use = np.asarray(np.stack([is_present(y, H, R) for H in at.values()]).all(0))
     y, R = np.where(use[:, None], y, 0.0), np.where(use[:, None, None], R, np.eye(y.shape[-1]))
     at = {i: np.where(use[:, None, None], H, 0.0) for i, H in at.items()}
     PH = np.zeros((t, n * d, y.shape[-1]))

@@ -451,7 +451,7 @@ LIMIT = 1 - 1e-9  # largest correlation of any two combinations of two robots' s
 
 
 @strict_kernel
-def possible(A: Array, B: Array, C: Array) -> Array:
+def limit_correlation(A: Array, B: Array, C: Array) -> Array:
     """Return the cross term C (d, d) of covariances A and B, its canonical correlations cut to `LIMIT`.
 
     They are the singular values of M = B^-1/2 C' A^-1/2', needed only where LIMIT^2 I - M' M is not definite.
@@ -494,7 +494,7 @@ def meet(x, P, sigma, i, j, reading, gate):
         if np.isnan(y).any() or np.isnan(H).any():
             continue
         J[:d, :d], J[d:, d:] = P[s, i], P[s, j]
-        J[:d, d:] = possible(P[s, i], P[s, j], sigma[s, i, j] @ sigma[s, j, i].T)
+        J[:d, d:] = limit_correlation(P[s, i], P[s, j], sigma[s, i, j] @ sigma[s, j, i].T)
         J[d:, :d] = J[:d, d:].T
         S = H @ J @ H.T + R
         if y @ np.linalg.solve(S, y.reshape(-1, 1)).T[0] <= gate:

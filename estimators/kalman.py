@@ -102,7 +102,7 @@ def root(P: Array) -> Array:
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0))[..., None, :], float)
 
 
-def present(y: Array, H: Array, R: Array) -> Mask:
+def is_present(y: Array, H: Array, R: Array) -> Mask:
     """Return which rows (...) have no nan in their reading, Jacobian and noise."""
     return np.asarray(~(np.isnan(y).any(-1) | np.isnan(H).any((-2, -1)) | np.isnan(R).any((-2, -1))))
 
@@ -119,7 +119,7 @@ def kalman(x: Array, P: Array, y: Array, H: Array, R: Array, gate: float = np.in
     gate, come back bit-identical.
     """
     R = np.broadcast_to(R, (*y.shape, y.shape[-1]))
-    use = present(y, H, R)
+    use = is_present(y, H, R)
     y = np.where(use[..., None], y, 0.0)
     H = np.where(use[..., None, None], H, 0.0)
     R = np.where(use[..., None, None], R, np.eye(y.shape[-1]))
@@ -190,7 +190,7 @@ def _filterpy_update(x: Array, P: Array, y: Array, H: Array, R: Array, gate: flo
 
     x, P = x.copy(), P.copy()
     R = np.broadcast_to(R, (*y.shape, y.shape[-1]))
-    for i in zip(*np.nonzero(present(y, H, R)), strict=True):
+    for i in zip(*np.nonzero(is_present(y, H, R)), strict=True):
         ekf = ExtendedKalmanFilter(x.shape[-1], y.shape[-1])
         ekf.x, ekf.P = x[i], P[i]
         ekf.update(y[i], HJacobian=lambda _, i=i: H[i], Hx=lambda _, i=i: np.zeros_like(y[i]), R=R[i])

@@ -12,7 +12,7 @@ from cooploc.estimators import particle_kernels
 from cooploc.estimators.compiled import readable
 from cooploc.estimators.interface import Array, Belief, Motion, Sensor
 from cooploc.estimators.models import Displacement, GradientDoa, LogDistance, Range
-from cooploc.estimators.robust import Loss, loss_of, lost
+from cooploc.estimators.robust import Loss, loss_of, penalty
 
 
 def pack(belief: Belief) -> Array:
@@ -143,7 +143,7 @@ def window_reference(
             there = motion.place(x, trail[:, None, k])
             log_density = forms[form](there, angle)
             if form != "exact":  # that has a loss of its own: a direction says nothing at worst
-                log_density = -0.5 * lost(doa.loss, -2 * log_density, 1)
+                log_density = -0.5 * penalty(doa.loss, -2 * log_density, 1)
             logw = logw + power * np.where(np.isnan(angle), 0.0, log_density)
     return logw
 
@@ -178,7 +178,7 @@ def gradient(doa: GradientDoa, x: Array, logw: Array, g: Array) -> Array:
     """Add to `logw` (r, N) the log-density of a measured gradient g (r, 2) [dB/m], nan where absent."""
     if type(doa.rssi) is not LogDistance or doa.loss != "none":
         absent = np.isnan(g).any(-1, keepdims=True)
-        return logw + np.where(absent, 0.0, -0.5 * lost(doa.loss, -2 * doa.log_gradient(x, g[:, None, :]), 2))
+        return logw + np.where(absent, 0.0, -0.5 * penalty(doa.loss, -2 * doa.log_gradient(x, g[:, None, :]), 2))
     slope, sigma = _slope(doa.rssi), float(doa.rssi.sigma)
     gradients = readable(g), np.array(doa.corner), np.array(doa.sides), slope, sigma
     return fill_rows(particle_kernels.add_gradient_rows, x, logw, gradients)
@@ -210,4 +210,4 @@ def log_density(y: Array, S: Array, loss: Loss = "none") -> Array:
         a, b, c = S[..., 0, 0], S[..., 0, 1], S[..., 1, 1]
         det = a * c - b * b
         distance = (c * y[..., 0] ** 2 - 2 * b * y[..., 0] * y[..., 1] + a * y[..., 1] ** 2) / det
-    return np.where(np.isnan(y).any(-1), 0.0, -0.5 * (lost(loss, distance, y.shape[-1]) + np.log(det)))
+    return np.where(np.isnan(y).any(-1), 0.0, -0.5 * (penalty(loss, distance, y.shape[-1]) + np.log(det)))

@@ -41,7 +41,7 @@ def weights(loss: Loss, d2: Array, k: int) -> Array:
     return np.minimum(1.0, (DEGREES + k) / (DEGREES + d2)) if loss == "student" else np.ones_like(d2)
 
 
-def lost(loss: Loss, d2: Array, k: int) -> Array:
+def penalty(loss: Loss, d2: Array, k: int) -> Array:
     """Return 2 rho of squared distances d2 (...) of k numbers: d^2 without a loss.
 
     rho = d^2/2 within c, c d - c^2/2 beyond (Huber); (nu + k)/2 log(1 + d^2/nu) (Student).

@@ -1,4 +1,4 @@
-"""A cooperative filter as one writes it with filterpy: a plain class for one robot, lifted by `PerRobot`.
+"""A cooperative filter as one writes it with filterpy: a plain class for one robot, wrapped by `PerRobot`.
 
 Every robot keeps an extended Kalman filter on its odometry and the anchors, and broadcasts mean and covariance. A robot
 that hears a teammate and ranges it corrects itself by covariance intersection: its own covariance is divided by w,

@@ -105,7 +105,7 @@ def _sources(
     return found
 
 
-def stated_of(name: str) -> dict[str, str]:
+def plugin_statements(name: str) -> dict[str, str]:
     """Return what the source of a plug-in estimator states: `licence`, `cites` and `trained_on`."""
     if is_file(name):
         path, _, attribute = name.rpartition(":")
@@ -189,7 +189,7 @@ def check_plugins(
         if check:
             say(f"checking {label}, as it is not built in (--no-check leaves it out)")
         found = certify(label, isolate) if check else _certificate("unchecked", "by request (--no-check)")
-        held[label] = {**found, "source": source, **stated_of(name)}
+        held[label] = {**found, "source": source, **plugin_statements(name)}
         write()
         if check:
             say(f"{label}: {short_certificate(_line(held[label]))}")

@@ -49,10 +49,10 @@ def write(runs: Sequence[StoredRun], out: Path) -> Path:
     labels = sorted({row["estimator"] for one in studies for row in one.rows})
     pages, counter = {label: f"estimators/{html_page.safe_name(label)}.html" for label in labels}, itertools.count(1)
     (out / "estimators").mkdir(parents=True, exist_ok=True)
-    shown = [_shown(one, number, counter) for number, one in enumerate(studies, 1)]
+    shown = [_study_content(one, number, counter) for number, one in enumerate(studies, 1)]
     _write_page(out / PAGE, "Board", {"studies": shown, "wording": html_page.Wording(pages)}, "board.html.j2")
     for label, place in pages.items():
-        mine = [_shown_of(one, label, number) for number, one in enumerate(studies, 1)]
+        mine = [_estimator_content(one, label, number) for number, one in enumerate(studies, 1)]
         about = next(_about(one, label) for one, rows in zip(studies, mine, strict=True) if rows["table"].rows)
         content = {"one": about, "studies": [rows for rows in mine if rows["table"].rows]}
         _write_page(out / place, label, content, "board_estimator.html.j2")
@@ -193,7 +193,7 @@ def _heading(one: BoardStudy) -> dict[str, Any]:
     }
 
 
-def _shown(one: BoardStudy, number: int, counter: Iterator[int]) -> dict[str, Any]:
+def _study_content(one: BoardStudy, number: int, counter: Iterator[int]) -> dict[str, Any]:
     """Return a study as the first page shows it."""
     numbers = one.numbers._replace(table=one.numbers.table.assign(floor=np.nan))
     table = replace(
@@ -202,7 +202,7 @@ def _shown(one: BoardStudy, number: int, counter: Iterator[int]) -> dict[str, An
     return {**_heading(one), "table": table, "figure": html_page.first_figure(numbers, counter)}
 
 
-def _shown_of(one: BoardStudy, label: str, number: int) -> dict[str, Any]:
+def _estimator_content(one: BoardStudy, label: str, number: int) -> dict[str, Any]:
     """Return the rows of an estimator in a study, as its page shows them."""
     rows = [row for row in one.rows if row["estimator"] == label]
     return {**_heading(one), "table": _table(one, f"study-{number}", rows, without=("estimator", "source"))}

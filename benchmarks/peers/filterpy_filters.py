@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""filterpy's filters on odometry and anchors or landmarks, each lifted by `PerRobot`.
+"""filterpy's filters on odometry and anchors or landmarks, each wrapped by `PerRobot`.
 
 Linear ones get each model linearised where they are, those of sigma points and of ensembles the model itself.
 """

@@ -30,7 +30,7 @@ HEAD = """# Other people's filters as plug-ins
 
     python benchmarks/peers/table.py reports/peers.md      # MRCLAM is read from mrclam6/ in COOPLOC_DATA
 
-Each is a plain class for one robot in `benchmarks/peers/`, lifted by `cl.PerRobot`, and named on the command line:
+Each is a plain class for one robot in `benchmarks/peers/`, wrapped by `cl.PerRobot`, and named on the command line:
 `cooploc run quick --estimators ekf-local,benchmarks/peers/filterpy_filters.py:Ukf[alpha=0.5]`. They use odometry, and
 anchors or landmarks. *Glue*: lines of the class, without what it inherits. *Apart*: largest distance of its positions
 from those of `{ours}` without a gate, on three robots in the arena and with cameras, 2 trials of 30 ticks

@@ -15,7 +15,7 @@ HIDDEN = {"Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp"}  # Unicode's control, format
 KEPT = {"\n", "\t"}
 
 
-def visible(text: str) -> str:
+def escape_controls(text: str) -> str:
     r"""Return the text with every control character written out, such as \x1b."""
     hidden = {c for c in text if c not in KEPT and unicodedata.category(c) in HIDDEN}
     return "".join(c.encode("unicode_escape").decode("ascii") if c in hidden else c for c in text)
@@ -29,7 +29,7 @@ class PlainConsole(Console):
 
     def render_str(self, text: str, **options: Any) -> Text:
         """Return text, wherever rich meets it: a line, a cell, a title."""
-        return super().render_str(visible(text), **options)
+        return super().render_str(escape_controls(text), **options)
 
 
 PIPED, UNLIMITED = 100, 400  # characters that a table may be wide in a file or a pipe; with every column
@@ -97,7 +97,7 @@ class TerminalProgress:
     def advance(self, what: str, trials: int, failed: int) -> None:
         """Take note of a finished part."""
         self.done, self.failed = self.done + trials, self.failed + failed
-        text = f"{f'{self.failed} failed, ' if self.failed else ''}{visible(what)}"
+        text = f"{f'{self.failed} failed, ' if self.failed else ''}{escape_controls(what)}"
         self._bar.update(self._task, completed=self.done, description=text)
         if not self._bar.disable or time.monotonic() - self._said < (SHOW_EVERY if self._notebook else LINE_EVERY):
             return

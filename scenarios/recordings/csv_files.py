@@ -218,12 +218,12 @@ def with_turns(moves: Series, turns: Series, are_headings: bool, kind: str, hold
     if are_headings:
         rate = np.append(wrap(np.diff(rate)) / np.diff(turns.time), 0.0)
 
-    def held(at: Array, values: Array) -> Array:
+    def hold_last(at: Array, values: Array) -> Array:
         last = np.searchsorted(at, time, "right") - 1
         return np.where((last >= 0) & (time - at[last] <= hold), values[last], np.nan)
 
-    moved = np.interp(time, moves.time, first, np.nan, np.nan) if kind == "path" else held(moves.time, first)
-    values = np.stack([moved, held(turns.time, rate)], -1)
+    moved = np.interp(time, moves.time, first, np.nan, np.nan) if kind == "path" else hold_last(moves.time, first)
+    values = np.stack([moved, hold_last(turns.time, rate)], -1)
     both = np.isfinite(values).all(-1)
     if not both.any():
         raise BadInput(f"{source}: they have no time in common; correct time or clock_offset in [turns] of log.toml")

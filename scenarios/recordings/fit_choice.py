@@ -19,7 +19,7 @@ from scipy.special import gammaln, ndtr
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array
 from cooploc.estimators.models import Displacement, Unicycle
-from cooploc.estimators.robust import DEGREES, Loss, lost
+from cooploc.estimators.robust import DEGREES, Loss, penalty
 from cooploc.scenarios.recordings import fit
 from cooploc.scenarios.recordings.team_log import TeamLog
 
@@ -100,7 +100,7 @@ def choose_loss(found: Sequence[HeldOut], kind: str) -> tuple[Loss, str]:
     for one in found:
         d2 = np.concatenate([np.empty(0), *(e.residual / e.sigma for e in one.residuals)]) ** 2
         if len(d2):
-            scores.append([(lost(loss, d2, 1) / 2).mean() + spread for loss, spread in SPREADS.items()])
+            scores.append([(penalty(loss, d2, 1) / 2).mean() + spread for loss, spread in SPREADS.items()])
     if len(scores) >= 2:
         gains = np.array(scores)[:, :1] - np.array(scores)[:, 1:]
         mean, error = gains.mean(0), gains.std(0, ddof=1) / np.sqrt(len(gains))

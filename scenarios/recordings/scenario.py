@@ -314,7 +314,7 @@ class TeamScenario(schema.Model):
         runs = [self.at([k]) for k in range(self.count())] if self.run == ALL else [self]
         doubts = [line for one in runs for line in one._doubts()]
         with suppress(BadInput):  # then it is among the doubts
-            doubts += runs[0]._fitted() if len(runs) == 1 else [self._fitted_runs(runs)]
+            doubts += runs[0]._describe_fit() if len(runs) == 1 else [self._describe_fits(runs)]
             if self._prior.position == "first truth":  # why a lone robot may err less than a team
                 told = f"filters are told the true start of each robot, as known to {self._prior.position_sd:g} m"
                 doubts.append(f"{told}: no odometry starts wrong")
@@ -330,7 +330,7 @@ class TeamScenario(schema.Model):
         weak = [f"run {self.judged_run.log.name!r} {NO_ORDER}: {'; '.join(reasons)}"] * bool(reasons)
         return [*self.judged_run.log.warnings, *weak]
 
-    def _fitted(self) -> list[str]:
+    def _describe_fit(self) -> list[str]:
         """Return how the models of a run were fitted, and their numbers but for those of single robots and pairs."""
         notes = self.judged_run.models.notes
         numbers = {name: value for name, value in notes.items() if isinstance(value, float)}
@@ -338,7 +338,7 @@ class TeamScenario(schema.Model):
         run = f"run {self.judged_run.log.name!r}"
         return [f"{run}: {self.judged_run.choice}", f"{run}: models fitted on {notes['fitted_on']}: {values}"]
 
-    def _fitted_runs(self, runs: Sequence["TeamScenario"]) -> str:
+    def _describe_fits(self, runs: Sequence["TeamScenario"]) -> str:
         """Return how the models of several runs were fitted."""
         on = {"first part": "its own first part, which is not judged", "other runs": "the other runs of its place"}
         found = [one.judged_run for one in runs]

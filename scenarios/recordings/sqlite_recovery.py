@@ -57,11 +57,11 @@ def recover(file: Path, reason: str) -> tuple[Bag, str]:
         raise BadInput(f"{file}: cannot be read ({e.strerror}); get the file again") from None
     if not found:
         raise BadInput(f"{file}: cannot be read as a bag, and no message is found in it ({reason}); get the file again")
-    warning = f"{file}: damaged: {len(found)} of {max(last, recorded(file))} messages recovered ({reason})"
+    warning = f"{file}: damaged: {len(found)} of {max(last, message_count(file))} messages recovered ({reason})"
     return Bag(types, {}, lambda topics: (m for m in found if m[0] in topics), decode_ros2), warning
 
 
-def recorded(file: Path) -> int:
+def message_count(file: Path) -> int:
     """Return how many messages a bag had when it was closed, by its metadata; 0 where that is not known."""
     metadata = file.parent / "metadata.yaml"
     text = metadata.read_text("utf-8", "replace") if metadata.is_file() else ""

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 ROBOT = ("init", "predict", "correct", "send", "fuse", "estimate")
 TEAM = ("init", "predict", "correct", "exchange", "estimate")
 OFFLINE = ("smooth",)
-LIFT = "a filter written for one robot is lifted by cl.PerRobot, one for a whole team by cl.PerTeam"
+WRAP = "a filter written for one robot is wrapped by cl.PerRobot, one for a whole team by cl.PerTeam"
 TIME_LIMIT = 600.0  # [s] for one estimator on one trial
 
 
@@ -194,7 +194,7 @@ def make_instance(estimator: Any) -> Any:
     try:
         return estimator()
     except (Exception, SystemExit, GeneratorExit) as e:  # a constructor may fail in any way
-        remedy = f"pass an instance, {name}(...)" if hasattr(estimator, "init") else LIFT
+        remedy = f"pass an instance, {name}(...)" if hasattr(estimator, "init") else WRAP
         raise BadInput(f"{name} cannot be made without arguments ({message(e)}): {remedy}") from e
 
 
@@ -212,7 +212,7 @@ def make_estimator(given: Any, where: str, isolate: bool = False) -> Any:
         raise BadInput(f"{kind.__name__} has no method of an estimator: {has}")
     if missing:
         lacking = ", ".join(f"{method}()" for method in missing)
-        raise BadInput(f"estimator {type(made).__name__} lacks {lacking}: help(cl.Estimator) says what to do; {LIFT}")
+        raise BadInput(f"estimator {type(made).__name__} lacks {lacking}: help(cl.Estimator) says what to do; {WRAP}")
     return made
 
 

@@ -36,7 +36,7 @@ class IncompatibleEstimator(BadInput):
     """An estimator that cannot run on a stream, with the reason."""
 
 
-def visible(name: str, estimator: Any, stream: Stream) -> Stream:
+def restrict(name: str, estimator: Any, stream: Stream) -> Stream:
     """Hide everything of a stream that the estimator does not declare."""
     if reason := wrong_version(estimator):
         raise IncompatibleEstimator(f"{name} cannot run: {reason}")

@@ -15,7 +15,7 @@ from threadpoolctl import ThreadpoolController
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Rows
 from cooploc.estimators.registry import traits
-from cooploc.scenarios.runner.tick import EstimatorError, IncompatibleEstimator, Watcher, make_loop, senses, visible
+from cooploc.scenarios.runner.tick import EstimatorError, IncompatibleEstimator, Watcher, make_loop, restrict, senses
 from cooploc.scenarios.stream import Stream
 
 COMPILING = "numba:compiler_lock"  # numba's event around compiling a kernel, or reading it from disk
@@ -91,7 +91,7 @@ def trace(
     rows: Rows | None = None,  # that the seed makes, of a stream that does not say its seed
 ) -> Trace:
     """Run one estimator on every trial of a stream, in this process."""
-    running = make_loop(name, estimator, visible(name, estimator, stream), watch, rows)
+    running = make_loop(name, estimator, restrict(name, estimator, stream), watch, rows)
     t, T, n = stream.senses.dt.shape
     d = stream.prior.x.shape[-1]
     x, P = np.empty((t, T, n, d)), np.empty((t, T, n, d, d))
@@ -119,7 +119,7 @@ def _thread_pools(modules: int) -> ThreadpoolController:
 
 def require_fit(name: str, estimator: Any, stream: Stream) -> None:
     """Refuse an estimator that cannot be started on such a stream: nothing of it is run but the start."""
-    seen = visible(name, estimator, stream)
+    seen = restrict(name, estimator, stream)
     try:
         make_loop(name, estimator, seen).start()
     except BadInput as e:

@@ -6,7 +6,7 @@ import pytest
 from attempts import commanded
 
 from cooploc.analysis.report.tables import csv_text
-from cooploc.terminal.console import visible
+from cooploc.terminal.console import escape_controls
 
 EVIL = """
 import pathlib
@@ -57,8 +57,8 @@ def test_nothing_but_reproduce_runs_code_that_a_run_names_and_that_asks(sent):
 
 def test_text_is_shown_as_it_is_but_for_what_is_hidden():
     plain = "µs, ±, −, “naïve”, 漢字, tab\tand\nline"
-    assert visible(plain) == plain
-    assert visible("a\x1b[31mb\x00\x7f\x85\u200b\u202e\ud800") == r"a\x1b[31mb\x00\x7f\x85\u200b\u202e\ud800"
+    assert escape_controls(plain) == plain
+    assert escape_controls("a\x1b[31mb\x00\x7f\x85\u200b\u202e\ud800") == r"a\x1b[31mb\x00\x7f\x85\u200b\u202e\ud800"
 
 
 def test_no_text_in_csv_begins_like_a_formula_and_numbers_stay_numbers():

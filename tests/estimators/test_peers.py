@@ -1,4 +1,4 @@
-"""Other people's filters in `benchmarks/peers/`, lifted by `PerRobot`: the same numbers where they compute the same."""
+"""Other people's filters in `benchmarks/peers/`, in `PerRobot`: the same numbers where they compute the same."""
 
 from pathlib import Path
 

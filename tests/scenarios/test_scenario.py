@@ -8,7 +8,7 @@ from pydantic import BaseModel
 
 import cooploc as cl
 from cooploc.scenarios import BUILTIN, Family, resolve
-from cooploc.scenarios.runner.tick import visible
+from cooploc.scenarios.runner.tick import restrict
 from cooploc.scenarios.runner.trace import trace
 
 
@@ -112,7 +112,7 @@ def test_team_priors_are_there_in_every_tick_and_are_not_uploaded(label):
 def test_a_filter_that_lacks_a_channel_says_how_it_takes_what_there_is(name, remedy):
     bare = SimpleNamespace(scenario="log/all", channels=lambda: {"odometry", "radio_range"})
     with pytest.raises(cl.IncompatibleEstimator, match=f"{name} needs channel 'anchor_rssi'.*{remedy}"):
-        visible(name, cl.make(name), bare)
+        restrict(name, cl.make(name), bare)
 
 
 def test_an_error_says_how_to_have_team_priors():

@@ -6,7 +6,7 @@ from oracles import covariances
 
 from cooploc.estimators.ekf_split_ci import EkfSplitCi
 from cooploc.estimators.ekf_split_ci import State as SplitState
-from cooploc.estimators.joint_kernels import least_trace, possible
+from cooploc.estimators.joint_kernels import least_trace, limit_correlation
 from cooploc.estimators.kalman import kalman
 
 
@@ -47,7 +47,7 @@ def _position_trace(Pd, Pi, H, Rd, Ri, w):
 def test_luft_cuts_an_impossible_cross_term_and_leaves_a_possible_one():
     P = covariances(np.random.default_rng(32), 50, d=6)
     A, B, C = (np.ascontiguousarray(part) for part in (P[:, :3, :3], P[:, 3:, 3:], P[:, :3, 3:]))
-    same, cut = (np.stack([possible(*one) for one in zip(A, B, k * C, strict=True)]) for k in (1.0, 30.0))
+    same, cut = (np.stack([limit_correlation(*one) for one in zip(A, B, k * C, strict=True)]) for k in (1.0, 30.0))
     np.testing.assert_array_equal(same, C)
     assert np.abs(cut - 30 * C).max(axis=(1, 2)).min() > 0
     assert np.linalg.eigvalsh(np.block([[A, cut], [cut.mT, B]])).min() > -1e-9 * P.max()

@@ -11,7 +11,7 @@ from statsmodels.api import RLM
 from statsmodels.robust.norms import HuberT
 from statsmodels.robust.scale import HuberScale
 
-from cooploc.estimators.robust import lost
+from cooploc.estimators.robust import penalty
 from cooploc.scenarios import resolve
 from cooploc.scenarios.recordings import fit
 from cooploc.scenarios.recordings.fit import K, Residuals, huber
@@ -113,7 +113,7 @@ def test_a_tie_is_robust_and_what_is_shown_worse_is_not(worse, taken):
 
 @pytest.mark.parametrize("loss", SPREADS)
 def test_the_density_of_a_loss_integrates_to_one(loss):
-    assert quad(lambda z: np.exp(-lost(loss, np.array(z**2), 1) / 2 - SPREADS[loss]), -80, 80)[0] == pytest.approx(
+    assert quad(lambda z: np.exp(-penalty(loss, np.array(z**2), 1) / 2 - SPREADS[loss]), -80, 80)[0] == pytest.approx(
         1, abs=1e-4
     )
 

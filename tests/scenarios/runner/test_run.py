@@ -74,7 +74,7 @@ def test_names_classes_instances_lists_and_mappings_become_instances(given, name
     [
         (["arl", "arl"], STREAM, "two estimators are called 'arl': give them names, {'arl': ..., 'other': ...}"),
         (Tuned, STREAM, "Tuned cannot be made without arguments (gain is missing): pass an instance, Tuned(...)"),
-        ({"mine": Loop}, STREAM, "a filter written for one robot is lifted by cl.PerRobot"),
+        ({"mine": Loop}, STREAM, "a filter written for one robot is wrapped by cl.PerRobot"),
         ({"mine": 3}, STREAM, "'mine' is of type int, not an estimator: give a name, a class or an instance"),
         (type("Empty", (), {}), STREAM, "Empty has no method of an estimator: a filter of one robot has predict(z)"),
         (Half, STREAM, "estimator Half lacks predict(), correct(), send(), fuse()"),

@@ -1,4 +1,4 @@
-"""Plain classes with parameters, notes and global random numbers, lifted by `PerRobot`."""
+"""Plain classes with parameters, notes and global random numbers, wrapped by `PerRobot`."""
 
 import random
 from pathlib import Path
@@ -37,7 +37,7 @@ class Walker:
         return cl.Belief(self.x, self.P)
 
 
-lifted = cl.PerRobot(Walker, lean=1)
+wrapped = cl.PerRobot(Walker, lean=1)
 instance = 3
 
 
@@ -83,8 +83,8 @@ def test_parameters_of_a_label_reach_a_plain_class_and_a_function(file):
 
 
 def test_a_plain_class_given_in_python_is_lifted_and_printed_with_its_parameters(file, stream):
-    lifted = cl.make(f"{file}:lifted")
-    assert set(cl.run([lifted.make, lifted], stream, isolate=False).traces) == {"Walker", "Walker[lean=1]"}
+    wrapped = cl.make(f"{file}:wrapped")
+    assert set(cl.run([wrapped.make, wrapped], stream, isolate=False).traces) == {"Walker", "Walker[lean=1]"}
 
 
 def test_what_a_plain_class_declares_can_be_tuned(file):

@@ -1,4 +1,4 @@
-"""A plain filterpy loop, lifted, is the oracle of the batched filters; and their two engines agree."""
+"""A plain filterpy loop, wrapped, is the oracle of the batched filters; and their two engines agree."""
 
 from types import SimpleNamespace
 

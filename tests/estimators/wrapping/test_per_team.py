@@ -1,4 +1,4 @@
-"""A loop over the whole team, lifted by `PerTeam`: the same results and the same bill as other ways to write it."""
+"""A loop over the whole team, wrapped by `PerTeam`: the same results and the same bill as other ways to write it."""
 
 from pathlib import Path
 
