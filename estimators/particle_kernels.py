@@ -389,14 +389,14 @@ BANDWIDTH = 0.3  # h of Liu and West's kernel, times n^(-1/6)
 def advance_rows(cloud, step, anchors, sends, out, belief):
     """Write `particles.advance` of a cloud into `out`, and where it sends its moments into the belief.
 
-    `cloud`: x (2 r, n), x of a row, then y [m]; logw (r, n); the rows to renew (r,). `step`: odometry (r, 2) [m], nan
-    where absent; its standard deviation (r,) [m]; the key (r, 2); the counter of the tick's first random number.
+    `cloud`: x (2 r, n), x of a row, then y [m]; logw (r, n); the rows to resample (r,). `step`: odometry (r, 2) [m],
+    nan where absent; its standard deviation (r,) [m]; the key (r, 2); the counter of the tick's first random number.
     """
     wide()
     (x, logw, due), (u, sd, key, counter), (x_out, logw_out) = cloud, step, out
     n, links = logw.shape[1], np.empty((len(anchors[0]), NUMBERS), logw.dtype)
     row, w = row_of(logw), row_buffer(logw)
-    words, renewed = np.empty((2, len(w)), np.uint32), np.empty((2, n), logw.dtype)
+    words, drawn = np.empty((2, len(w)), np.uint32), np.empty((2, n), logw.dtype)
     noise, resampling = (row_buffer(logw), row_buffer(logw)), (np.empty(n, np.int64), np.empty(n + 1, np.int64))
     for r in range(len(logw)):
         k = np.int64(key[r, 0]), np.int64(key[r, 1])
@@ -404,13 +404,13 @@ def advance_rows(cloud, step, anchors, sends, out, belief):
         if due[r]:
             load(x, 2 * r, row.X)
             load(x, 2 * r + 1, row.Y)
-            _renew(row, k, counter - random_numbers.PURPOSES, w, noise, resampling, words, renewed)
+            _resample_row(row, k, counter - random_numbers.PURPOSES, w, noise, resampling, words, drawn)
         random_numbers.draw_words(k[0], k[1], counter + random_numbers.MOVE, words)
         random_numbers.normal_pairs(words, row.X, row.Y)
         if due[r]:
             fill(row.logw, 0, 0.0)
-            west, east = _move(renewed, 0, u[r, 0], sd[r], row.X)
-            south, north = _move(renewed, 1, u[r, 1], sd[r], row.Y)
+            west, east = _move(drawn, 0, u[r, 0], sd[r], row.X)
+            south, north = _move(drawn, 1, u[r, 1], sd[r], row.Y)
         else:
             west, east = _move(x, 2 * r, u[r, 0], sd[r], row.X)
             south, north = _move(x, 2 * r + 1, u[r, 1], sd[r], row.Y)
@@ -438,7 +438,7 @@ def _move(rows, r, way, sd, noise):
 
 
 @inlined
-def _renew(row, key, counter, w, noise, resampling, words, renewed):
+def _resample_row(row, key, counter, w, noise, resampling, words, drawn):
     """Resample one row: m + shrink (x_a - m) + h L noise, L the Cholesky factor of P, which may be singular."""
     wide()
     (X, Y, _), (east, north), (copies, marks) = row, noise, resampling
@@ -461,8 +461,8 @@ def _renew(row, key, counter, w, noise, resampling, words, renewed):
         ancestor = max(ancestor, marks[i])
         j = np.uint64(ancestor)
         g0, g1 = east[i], north[i]
-        renewed[0, i] = shrink * X[j] + (mx + a * g0)
-        renewed[1, i] = shrink * Y[j] + (my + (b * g0 + c * g1))
+        drawn[0, i] = shrink * X[j] + (mx + a * g0)
+        drawn[1, i] = shrink * Y[j] + (my + (b * g0 + c * g1))
 
 
 @inlined
@@ -512,7 +512,7 @@ def _compute_moments(row, n, w):
 
 
 @kernel
-def conclude_rows(x, logw, heard, belief, logw_out, due):
+def summarize_rows(x, logw, heard, belief, logw_out, due):
     """Write `particles.posterior_summary` for particles x (2 r, n) into all that follows `heard`."""
     wide()
     n, links = logw.shape[1], np.empty((heard[1].shape[1], NUMBERS), logw.dtype)

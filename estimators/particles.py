@@ -19,7 +19,7 @@ from cooploc.estimators.compiled import readable
 from cooploc.estimators.errors import BadInput, require
 from cooploc.estimators.interface import Array, Belief, Keys, Mail, Mask, Motion, Rows, Senses, Sensor, World
 from cooploc.estimators.models import Displacement, circular_mean, gradient_doa, wrap, wrap_heading
-from cooploc.estimators.particle_kernels import BANDWIDTH, advance_rows, conclude_rows, systematic
+from cooploc.estimators.particle_kernels import BANDWIDTH, advance_rows, summarize_rows, systematic
 from cooploc.estimators.particle_likelihood import Fixed, ReceivedPackets, planes, teammates
 from cooploc.estimators.robust import loss_of
 
@@ -67,7 +67,7 @@ def posterior_summary(x: Array, logw: Array, heard: ReceivedPackets | None = Non
     belief = Belief(np.empty((len(x), 2)), np.empty((len(x), 2, 2)))
     logw_new, due = np.empty_like(logw, order="C"), np.empty(len(x), np.bool_)
     heard = heard or ReceivedPackets(models.Range(), np.empty((len(x), 0, 5)), np.empty((len(x), 0)), False)
-    conclude_rows(planes(x), readable(logw), heard.for_loop(), tuple(belief), logw_new, due)
+    summarize_rows(planes(x), readable(logw), heard.for_loop(), tuple(belief), logw_new, due)
     return belief, logw_new, due
 
 
