@@ -61,7 +61,7 @@ class Rule(NamedTuple):
 
 def fuse_compiled(p: Any, s: BroadcastState, z: Senses, mail: Mail, rule: Rule) -> BroadcastState:
     """Return what `fuse_broadcasts` does, by a compiled loop where there is one for all sensors."""
-    tables = [(*table, False) for table in s.world.of_teammates(z, mail)]  # and whether the senders made them
+    tables: list[Any] = [(*table, False) for table in s.world.of_teammates(z, mail)]  # False: of senders, not by them
     built_in = all(type(sensor) in KINDS and loss_of(sensor) == "none" for sensor, _, _ in tables)
     if p.engine != "batched" or not built_in:
         return fuse_broadcasts(p, s, z, mail)
@@ -71,7 +71,7 @@ def fuse_compiled(p: Any, s: BroadcastState, z: Senses, mail: Mail, rule: Rule) 
     for sensor, readings, by_sender in tables:
         one_number = readings.shape[-1] == 1 and rule.block == 2  # then the weight is a root, and nothing is searched
         block = None if one_number or not rule.intersect else rule.block
-        model, how = (*sensor_model(sensor), sensor.R), (rule.intersect, rule.trace, float(p.gate))
+        model, how = sensor_model(sensor), (rule.intersect, rule.trace, float(p.gate))
         if not _fuse(x, P, s.robot, packets, readable(readings), model, by_sender, how, block, (0,) * d):
             return fuse_broadcasts(p, s, z, mail)  # it says which covariance cannot be used
     return s._replace(x=x, P=P)

@@ -230,10 +230,11 @@ def _wheels(motion: Unicycle, x: Array, z: Senses) -> tuple[Array, Array, Array,
     return readable(x).reshape(-1, 3), readable(z.odometry).reshape(-1, 2), readable(z.dt).reshape(-1), variances
 
 
-def sensor_model(sensor: Sensor) -> tuple[int, float, float]:
-    """Return a sensor of `KINDS` as compiled loops take it: its kind and, of an RSSI, A and slope 10 eta / ln 10."""
+@lru_cache
+def sensor_model(sensor: Any) -> tuple[int, float, float, Array]:
+    """Return a sensor of `KINDS` as compiled loops take it: its kind, A and slope 10 eta / ln 10 of an RSSI, and R."""
     A, slope = (sensor.A, 10 * sensor.eta / np.log(10)) if isinstance(sensor, LogDistance) else (0.0, 0.0)
-    return KINDS[type(sensor)], A, slope
+    return KINDS[type(sensor)], A, slope, readable(sensor.R)
 
 
 def innovation(sensor: Sensor, x: Array, q: Array, z: Array) -> tuple[Array, Array, Array]:
@@ -246,7 +247,8 @@ def innovation(sensor: Sensor, x: Array, q: Array, z: Array) -> tuple[Array, Arr
     places = readable(q).reshape(-1, q.shape[-1]) if q.ndim == 1 else _vectors(q, lead)
     y, H = np.empty((*lead, k)), np.empty((*lead, k, d))
     out = y.reshape(-1, k), H.reshape(-1, k, d)
-    kalman_kernels.relate(*sensor_model(sensor), _vectors(x, lead), places, _vectors(z, lead), *out)
+    model = sensor_model(sensor)[:3]  # type: ignore[arg-type]  # those of KINDS are frozen
+    kalman_kernels.relate(*model, _vectors(x, lead), places, _vectors(z, lead), *out)
     return y, H, -H[..., :2]
 
 

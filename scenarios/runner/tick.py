@@ -249,7 +249,7 @@ class Robots(_Loop):
             raise EstimatorError(
                 f"{self.name}: send() returned shape {sent.shape} at tick {k}, not ({t * n}, m) or ({t * n}, {n}, m)"
             )
-        sent = sent if np.issubdtype(sent.dtype, np.floating) else sent.astype(float)
+        sent = sent if sent.dtype.kind == "f" else sent.astype(float)
         if sent.shape[-1] == 0 and sent.dtype == float:
             return self.silence
         return deliver(sent, self.stream.senses.dt[:, k] > 0, link, rssi, distance)  # who is asleep sends nothing
