@@ -11,6 +11,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from functools import cache, lru_cache
 from importlib import import_module
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -46,7 +47,7 @@ class Canonical(NamedTuple):
         def solve(A: Array, b: Array) -> Array:
             whole.data = A.ravel()
             found = clarabel.DefaultSolver(P, q, whole, b.ravel(), cones, settings).solve()
-            return np.reshape(found.x, (K, n))
+            return np.array(found.x).reshape(K, n)
 
         return solve
 
@@ -82,10 +83,14 @@ def solve(B: Array, C: Array, sigma: Array, trace: bool, groups: Indices) -> Arr
     A, b = np.split(entries, [len(program.rows)], 1)
     x, stack_of = np.full((len(B), len(program.q)), np.nan), cache(program.stack)
     order = np.lexsort((*sigma.T, *C.T.reshape(-1, len(C)), *B.T.reshape(-1, len(B)), groups))
-    for group in np.split(order, np.flatnonzero(np.diff(groups[order])) + 1):
-        for rows in (group[i : i + STACK] for i in range(0, len(group), STACK)):
+    ends = [0, *(np.flatnonzero(np.diff(groups[order])) + 1).tolist(), len(order)]
+    A, b = A[order], b[order]
+    for first, last in pairwise(ends):
+        for i in range(first, last, STACK):
+            rows = slice(i, min(i + STACK, last))
             with suppress(Exception):  # a solver may raise anything; the exact weights are used then
-                x[rows] = stack_of(len(rows))(A[rows], b[rows])
+                x[rows] = stack_of(rows.stop - i)(A[rows], b[rows])
+    x[order] = x.copy()
     with np.errstate(divide="ignore", invalid="ignore"):  # a failed solver's x may be anything
         w: Array = x[:, 0] / (x[:, 0] + x[:, 1])
     return np.clip(w, 0.0, 1.0)
