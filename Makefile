@@ -11,7 +11,7 @@ export PYTHONDONTWRITEBYTECODE =
 .DELETE_ON_ERROR:
 
 demo: $(VENV)/.ready  ## run the quick study, print its table, write its picture
-	$(BIN)/cooploc run quick
+	$(BIN)/cooploc run quick --jobs 2
 
 test: lint  ## everything CI checks
 	$(BIN)/pytest $(PARALLEL)
