@@ -354,6 +354,7 @@ def _align(
     together = fit_frame(*(np.concatenate([x[:, :2] for x in all_of]) for all_of in everywhere))
     for robot, one in team.items():
         true, of = paths[robot], f"{name}: robot {robot!r}"
+        _require_units(of, one.x, true)
         angle, shift, residual = fit_frame(one.x[:, :2], true[:, :2])
         mirrored = fit_frame(one.x[:, :2] * [1, -1], true[:, :2])[2]
         if mirrored < MIRRORED * residual:
@@ -382,6 +383,18 @@ def _align(
             one = one._replace(x=x, P=turn_covariances(one.P, np.full(len(x), angle)))
         found[robot] = one
     return found, remarks
+
+
+def _require_units(of: str, x: Array, true: Array) -> None:
+    """Refuse a path (T, 3) that fits the true one in another unit of length, or whose headings do as degrees."""
+    spread, size = (float(np.sqrt(path[:, :2].var(0).sum())) for path in (true, x))
+    times = size / spread if spread > STANDING and size > 0 else 1.0
+    if not 0.1 < times < 10 and fit_frame(x[:, :2] / times, true[:, :2])[2] < MIRRORED * spread:
+        raise BadInput(f"{of} has the true path {times:.3g} times as large: write m, or name its columns x_mm, y_mm")
+    both = np.isfinite(x[:, 2]) & np.isfinite(true[:, 2])
+    as_it_is, as_degrees = (abs(np.exp(1j * (true[both, 2] - h)).sum()) for h in (x[both, 2], np.radians(x[both, 2])))
+    if as_it_is < 0.5 * both.sum() < 0.9 * both.sum() < as_degrees:
+        raise BadInput(f"{of} has headings that fit the truth as degrees: write rad, or name the column heading_deg")
 
 
 def rotation(angle: float | Array) -> Array:

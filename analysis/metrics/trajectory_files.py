@@ -3,17 +3,19 @@
 A team is a folder with a file for each robot, the same names in every folder; its name is the robot's.
 
 - `NAME.txt` or `NAME.tum` is a TUM file: a line `stamp tx ty tz qx qy qz qw` for each pose, of which x, y and yaw
-  count; a quaternion of zeros is no heading. Beside it `NAME.cov.txt` may have the covariances, a line `stamp xx xy yy`
-  [m^2], the upper triangle of the position's, or `stamp xx xy xh yy yh hh` [m^2, m rad, rad^2], of position and heading
-  h, at the stamps of the poses.
-- `NAME.csv` has a header with `stamp` (or `time`, `t`), `x`, `y`, and where they are known `heading` (or `theta`,
-  `yaw`) [rad] and the covariance's `xx`, `xy`, `yy`, `xh`, `yh`, `hh` (or `Pxx`, `Pxy`, ...), as MATLAB's
-  `writetable` writes it; semicolons or tabs may part them.
+  count; a quaternion of zeros is no heading.
+- `NAME.csv` has a header, and what `cooploc inspect` takes for `stamp`, `x`, `y` and `heading`, by their names: `time`,
+  `theta`, `yaw`, quaternions, units (`x [mm]`, `heading_deg`), as EuRoC or MATLAB's `writetable` write it. It may have
+  the covariance's `xx`, `xy`, `yy`, `xh`, `yh`, `hh` (or `Pxx`, `Pxy`, ...). Commas, semicolons or tabs part fields.
+- `NAME.cov.txt` beside either may have the covariances, a line `stamp xx xy yy` [m^2], the upper triangle of the
+  position's, or `stamp xx xy xh yy yh hh` [m^2, m rad, rad^2], of position and heading h, at the stamps of the poses.
 - `covariances.npz` may have them for all robots: an array `NAME` (T, 3, 3) or (T, 2, 2), at the stamps of the poses.
 
 Or it is a ROS bag, whose topics of nav_msgs/Odometry and geometry_msgs/PoseWithCovarianceStamped have the robots' names
-in their own; of several topics of a robot, that with the method's name in it. A team of one robot may be one file, of
-any name. Covariances of a robot that are all zero are not known, as in ROS.
+in their own; of several topics of a robot, that with the method's name in it. Where it has none of these, topics of
+poses without covariances count, such as geometry_msgs/PoseStamped and TransformStamped.
+
+A team of one robot may be one file, of any name. Covariances of a robot that are all zero are not known, as in ROS.
 
 Source: the TUM RGB-D benchmark, J. Sturm et al., IROS 2012.
 """
@@ -26,13 +28,16 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-import pandas as pd
 
 from cooploc.analysis.metrics.errors import demand_same
 from cooploc.estimators.errors import BadInput, nearest
 from cooploc.estimators.interface import Array, Mask
 from cooploc.scenarios.recordings.bag_storage import KINDS, bag_paths, open_bag, stamp_of
-from cooploc.scenarios.recordings.text_files import TextTable, read_table, read_text
+from cooploc.scenarios.recordings.inspect.bag_draft import topics_by_robot
+from cooploc.scenarios.recordings.inspect.columns import EPOCHS, SINCE_1970, CsvTable, infer_columns, infer_delimiter
+from cooploc.scenarios.recordings.inspect.naming import SI, name_meaning
+from cooploc.scenarios.recordings.schema import UNITS
+from cooploc.scenarios.recordings.text_files import TextTable, parse_fields, read_table, read_text, split_fields
 from cooploc.scenarios.runner.run import Run
 from cooploc.scenarios.stream import Truth
 
@@ -41,7 +46,10 @@ COLUMNS = ("timestamp", "tx", "ty", "tz", "qx", "qy", "qz", "qw")
 COVARIANCES = {2: ("timestamp", "xx", "xy", "yy"), 3: ("timestamp", "xx", "xy", "xh", "yy", "yh", "hh")}  # by d
 COVARIANCE, STORED, ENDINGS = ".cov.txt", "covariances.npz", (".txt", ".tum", ".csv")
 WITH_COVARIANCE = ("nav_msgs/msg/Odometry", "geometry_msgs/msg/PoseWithCovarianceStamped")
-OTHER_NAMES = {"time": "stamp", "timestamp": "stamp", "t": "stamp", "theta": "heading", "yaw": "heading"}
+OTHER_POSES = [
+    f"geometry_msgs/msg/{kind}" for kind in ("PoseStamped", "TransformStamped", "Pose", "Pose2D", "PointStamped")
+]
+NEEDED = {"time": "stamp", "x": "x", "y": "y"}  # quantities of a CSV file, and their names in a header
 TRIANGLE = {d: np.triu_indices(d) for d in (2, 3)}
 LATEST = 1e10  # [s] stamps beyond are in another unit; those of today are below 2e9
 EQUAL = 1e-5  # [s] stamps of a pose and of its covariance differ by less
@@ -91,7 +99,10 @@ def read_files(files: Mapping[str, Path]) -> dict[str, Trajectory]:
     stored = {folder: _read_stored(folder / STORED) for folder in {path.parent for path in files.values()}}
     found = {}
     for key, path in files.items():
-        one = _read_csv(path) if path.suffix == ".csv" else _read_tum(path)
+        parted = path.suffix == ".csv" or re.match(r"(#.*\n|\s)*[^#\n]*[,;]", read_text(path))
+        one = _read_csv(path) if parted else _poses_of_tum(read_table(path, COLUMNS, strict=True))
+        if (beside := path.with_name(path.stem + COVARIANCE)).exists():
+            one = one._replace(P=_read_triangles(beside, one.stamp))
         if path.stem in stored[path.parent]:
             T, P, where = len(one.stamp), stored[path.parent][path.stem], path.parent / STORED
             if P.shape not in ((T, 2, 2), (T, 3, 3)):
@@ -104,59 +115,88 @@ def read_files(files: Mapping[str, Path]) -> dict[str, Trajectory]:
 
 
 def _by_time(place: Path, one: Trajectory) -> Trajectory:
-    """Return poses by rising stamps; refuse stamps that are not in seconds."""
-    if np.abs(one.stamp).max() > LATEST:
-        raise BadInput(f"{place}: stamps reach {np.abs(one.stamp).max():.3g}: write seconds")
+    """Return poses by rising stamps [s], those of a smaller unit since 1970 converted; refuse others."""
+    if (latest := np.abs(one.stamp).max()) > LATEST:
+        low, high = SINCE_1970
+        units = [unit for unit in EPOCHS.values() if low < np.median(one.stamp) / unit < high]
+        if not units:
+            raise BadInput(f"{place}: stamps reach {latest:.3g}: write seconds")
+        one = one._replace(stamp=one.stamp / units[0])
     order = np.argsort(one.stamp, kind="stable")
     return Trajectory(*(field[order] for field in one))
 
 
-def _read_tum(path: Path) -> Trajectory:
-    """Read the poses of a TUM file, and the covariances beside it."""
-    table = read_table(path, COLUMNS, strict=True)
-    stamp, q = table.values[:, 0], table.values[:, 4:]
+def _poses_of_tum(table: TextTable) -> Trajectory:
+    """Return the poses in the lines of a TUM file."""
+    q = table.values[:, 4:]
     length = np.linalg.norm(q, axis=1)
     for row in np.flatnonzero((np.abs(length - 1) > UNIT) & (length > 0)).tolist():
         raise BadInput(f"{table.at(row)}: qx qy qz qw is not a unit quaternion; heading 0 is 0 0 0 1")
+    poses = np.column_stack([table.values[:, 1:3], _heading_of(table.path, q)])
+    return Trajectory(table.values[:, 0], poses, np.full((len(q), 3, 3), np.nan))
+
+
+def _heading_of(path: Path, q: Array) -> Array:
+    """Return headings of quaternions (T, 4), nan where one is zero; refuse those of poses that lie on their side."""
     x, y, z, w = q.T
     if np.median(1 - 2 * (x * x + y * y)) < TILTED:
         raise BadInput(f"{path}: z of most poses does not point up: write qx qy qz qw, w last, of a robot in the plane")
-    heading = np.where(length > 0, np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)), np.nan)
-    P, beside = np.full((len(stamp), 3, 3), np.nan), path.with_name(path.stem + COVARIANCE)
-    if beside.exists():
-        width = len(beside.read_text("utf-8", "replace").rstrip().rpartition("\n")[2].split())
-        triangle = read_table(beside, COVARIANCES[3 if width == len(COVARIANCES[3]) else 2], strict=True)
-        if len(triangle.values) != len(stamp) or (np.abs(triangle.values[:, 0] - stamp) > EQUAL).any():
-            raise BadInput(f"{beside}: its stamps are not those of {path.name}: write one line for each pose")
-        P = _covariances(_from_triangle(triangle.values[:, 1:]), triangle)
-    return Trajectory(stamp, np.column_stack([table.values[:, 1:3], heading]), P)
+    return np.where(q.any(1), np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)), np.nan)
+
+
+def _read_triangles(path: Path, stamp: Array) -> Array:
+    """Read covariances, a line of their upper triangle for each pose."""
+    width = len(path.read_text("utf-8", "replace").rstrip().rpartition("\n")[2].split())
+    triangle = read_table(path, COVARIANCES[3 if width == len(COVARIANCES[3]) else 2], strict=True)
+    if len(triangle.values) != len(stamp) or (np.abs(triangle.values[:, 0] - stamp) > EQUAL).any():
+        poses = path.name.removesuffix(COVARIANCE)
+        raise BadInput(f"{path}: its stamps are not those of {poses}: write one line for each pose")
+    return _covariances(_from_triangle(triangle.values[:, 1:]), triangle)
 
 
 def _read_csv(path: Path) -> Trajectory:
-    """Read a CSV file with a header; semicolons or tabs may part its fields, and commas be decimal points between."""
-    try:
-        head, _, rest = read_text(path).lstrip("\n").partition("\n")
-        parted = max(",;\t", key=head.count)
-        table = pd.read_csv(path, sep=parted, decimal="," if parted != "," and "," in rest else ".")
-    except (ValueError, OSError) as e:
-        raise BadInput(f"{path}: cannot be read as CSV ({' '.join(str(e).split())[:100]}); write it again") from None
-    table.columns = pd.Index([OTHER_NAMES.get(name, name) for name in table.columns.str.strip(" #%").str.lower()])
-    table = table.rename(columns=lambda name: name.removeprefix("p") if re.fullmatch("p[xyh]{2}", name) else name)
-    for name in ("stamp", "x", "y"):
-        if name not in table:
-            raise BadInput(f"{path} has no column {name}; it has {', '.join(table.columns)}, parted by commas")
-    if not table.columns.is_unique or table.empty:
-        fault = "it has no line" if table.empty else f"two columns are one: {', '.join(table.columns)}"
+    """Read a CSV file by its header; of eight columns without one those of a TUM file."""
+    text = read_text(path)
+    head, _, rows = split_fields(text, infer_delimiter([line for line in text.split("\n") if line.strip()]))
+    if not rows or len({*head}) < len(head):
+        fault = f"two columns have one name: {', '.join(head)}" if rows else "it has no line"
         raise BadInput(f"{path}: {fault}; correct the file")
-    names = ["stamp", "x", "y", "heading", *COVARIANCES[3][1:]]
-    given = table.reindex(columns=names)
-    values = given.apply(pd.to_numeric, errors="coerce").to_numpy(float)
-    bad = np.isinf(values) | np.isnan(values) & (given.notna().to_numpy() | (np.arange(len(names)) < 3))
-    for row, column in np.argwhere(bad):
-        is_now = f"{names[column]} is {str(given.iloc[row, column])[:40]!r}, which is not a number"
-        raise BadInput(f"{path}, line {row + 2}: {is_now}; correct or remove the line")
-    lines = TextTable(path, values, np.arange(2, len(values) + 2))
-    return Trajectory(values[:, 0], values[:, 1:4], _covariances(_from_triangle(values[:, 4:]), lines))
+    for line, fields in rows:
+        if len(fields) != len(head):
+            raise BadInput(f"{path}, line {line}: {len(fields)} fields, not {len(head)}; correct or remove the line")
+    words = dict(zip(head, zip(*(fields for _, fields in rows), strict=True), strict=True))
+    columns = {name: parse_fields(fields) for name, fields in words.items()}
+    numbers = {name: np.where(np.isinf(values), np.nan, values) for name, values in columns.items()}
+    own = {guess.quantity: guess for guess in reversed(infer_columns(CsvTable(path.name, ",", numbers)))}
+    lines = np.array([line for line, _ in rows])
+
+    def read(name: str, needed: bool = True) -> Array:
+        bad = np.isinf(columns[name]) | (np.isnan(columns[name]) & needed)
+        for row in np.flatnonzero(bad).tolist():
+            is_now = f"{name} is {words[name][row][:40]!r}, which is not a number"
+            raise BadInput(f"{path}, line {lines[row]}: {is_now}; correct or remove the line")
+        return numbers[name]
+
+    if head == [*"12345678"]:
+        return _poses_of_tum(TextTable(path, np.column_stack([*map(read, head)]), lines))
+    for quantity, name in NEEDED.items():
+        if quantity not in own:
+            remedy = "write their names above: stamp,x,y,heading" if head[0] == "1" else "name one so"
+            raise BadInput(f"{path} has no column {name}; it has {', '.join(head)}: {remedy}")
+    factor = {q: UNITS[SI.get(q, "m")].get(name_meaning(guess.column)[1], 1.0) for q, guess in own.items()}
+    stamp, x, y = (read(own[q].column) * factor[q] for q in NEEDED)
+    heading = np.full(len(rows), np.nan)
+    if turned := own.get("heading"):
+        if turned.quaternion:
+            q = np.column_stack([*map(read, turned.quaternion)])
+            heading = _heading_of(path, np.pad(q, ((0, 0), (4 - q.shape[1], 0))))
+        else:
+            heading = read(turned.column, needed=False) * factor["heading"]
+    triangle = {re.sub("^p(?=[xyh]{2}$)", "", name.lower()): name for name in head}
+    absent = np.full(len(rows), np.nan)
+    P = [read(triangle[key], needed=False) if key in triangle else absent for key in COVARIANCES[3][1:]]
+    known = _covariances(_from_triangle(np.column_stack(P)), TextTable(path, numbers[head[0]], lines))
+    return Trajectory(stamp, np.column_stack([x, y, heading]), known)
 
 
 def _read_stored(path: Path) -> dict[str, Array]:
@@ -173,20 +213,24 @@ def _read_stored(path: Path) -> dict[str, Array]:
 def _read_bag(place: Path, robots: Sequence[str], method: str) -> dict[str, Trajectory]:
     """Read the poses with covariances of a bag's topics by robot."""
     rows: dict[str, list[tuple[float, ...]]] = {}
-    held = f"{place} holds no NAME.txt or NAME.csv, nor a bag with topics of {' or '.join(WITH_COVARIANCE)}"
+    held = f"{place} holds no NAME.txt or NAME.csv, nor a bag with poses, such as {' or '.join(WITH_COVARIANCE)}"
     try:
         paths = bag_paths(place)
     except BadInput:
         raise BadInput(held) from None
     for path in paths:
         try:
-            _collect_poses(path, rows)
+            _collect_poses(path, rows, WITH_COVARIANCE)
+            if not rows:
+                _collect_poses(path, rows, OTHER_POSES)
         except Exception as e:  # rosbags raises whatever its parsers raise on damaged files
             raise BadInput(f"{path}: cannot be read as a bag ({' '.join(str(e).split())[:100]}); repair it") from None
     if not rows:
         raise BadInput(held)
     topics: dict[str, list[str]] = {}
-    for topic in rows:
+    if not robots and len(rows) > 1 == len({topic.strip("/").partition("/")[0] for topic in rows}):
+        topics = {robot: [topic] for robot, topic in topics_by_robot([*rows]).items()}  # /vrpn/red/pose is of red
+    for topic in rows if not topics else ():
         parts = topic.strip("/").split("/")
         others = [part for part in parts if part != method] or parts
         alone = len(robots) == len(rows) == 1
@@ -207,14 +251,15 @@ def _read_bag(place: Path, robots: Sequence[str], method: str) -> dict[str, Traj
     return found
 
 
-def _collect_poses(path: Path, rows: dict[str, list[tuple[float, ...]]]) -> None:
-    """Add the stamp, pose and covariance of every message of one bag to the rows of its topic."""
+def _collect_poses(path: Path, rows: dict[str, list[tuple[float, ...]]], of: Sequence[str]) -> None:
+    """Add the stamp, pose and covariance of every message of these types in a bag to the rows of its topic."""
     with open_bag(path) as bag:
-        kinds = {topic: kind for topic, kind in bag.types.items() if kind in WITH_COVARIANCE}
+        kinds = {topic: kind for topic, kind in bag.types.items() if kind in of}
         for topic, received, raw in bag.messages(kinds):
             message = bag.decode(raw, kinds[topic])
             x, y, _, heading = KINDS[kinds[topic]].rows(message)[0][:4]
-            C = np.asarray(message.pose.covariance, float).reshape(6, 6)[np.ix_([0, 1, 5], [0, 1, 5])]
+            C = np.asarray(message.pose.covariance if of is WITH_COVARIANCE else np.zeros(36), float)
+            C = C.reshape(6, 6)[np.ix_([0, 1, 5], [0, 1, 5])]
             stamp = 1e-9 * (stamp_of(message) or received)
             rows.setdefault(topic, []).append((stamp, x, y, heading, *C.ravel()))
 

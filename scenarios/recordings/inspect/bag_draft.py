@@ -144,7 +144,7 @@ def _tables_of(topic: str, tables: Sequence[DraftTable], robots: Sequence[str]) 
 # --- Names
 
 
-def _by_robot(topics: Sequence[str]) -> dict[str, str]:
+def topics_by_robot(topics: Sequence[str]) -> dict[str, str]:
     """Map robots to topics: the part of the names that differs between most of them; the first topic of each robot."""
     marked = [
         (name, part, "/".join("{robot}" if piece == part else piece for piece in name.split("/")))
@@ -209,7 +209,7 @@ def _wheels(found: Sequence[TopicInfo], of_fields: Mapping[str, CsvTable]) -> di
     ]
     for forms in (["Odometry"], ["TwistStamped", "TwistWithCovarianceStamped"], [], ["Twist"]):
         if some := [t.name for t in found if t.type.rpartition("/")[2] in forms] if forms else fields:
-            return _by_robot(some)
+            return topics_by_robot(some)
     return {}
 
 

@@ -169,6 +169,39 @@ def test_covariances_in_the_robots_axes_are_noticed_and_turned(honest, tmp_path)
     assert turned["anees"].item() == pytest.approx(straight["anees"].item(), rel=0.05)
 
 
+def as_euroc(t, x):
+    half, zero = x[:, 2] / 2, np.zeros(len(t))
+    names = ["#timestamp [ns]", "p_RS_R_x [m]", "p_RS_R_y [m]", "p_RS_R_z [m]", *(f"q_RS_{q} []" for q in "wxyz")]
+    return dict(zip(names, [1e9 * t, x[:, 0], x[:, 1], zero, np.cos(half), zero, zero, np.sin(half)], strict=True))
+
+
+@pytest.mark.parametrize(
+    "columns",
+    [
+        as_euroc,
+        lambda t, x: {
+            "Time (ms)": 1e3 * t,
+            "x_mm": 1e3 * x[:, 0],
+            "y_mm": 1e3 * x[:, 1],
+            "yaw_deg": np.degrees(x[:, 2]),
+        },
+        lambda t, x: {"t": 1e9 * t, "x": x[:, 0], "y": x[:, 1], "qz": np.sin(x[:, 2] / 2), "qw": np.cos(x[:, 2] / 2)},
+    ],
+    ids=["EuRoC", "units in names", "nanoseconds"],
+)
+def test_poses_are_what_the_names_of_columns_say(honest, tmp_path, columns):
+    t, true, x, *_ = honest
+    write_tum(tmp_path / "truth.txt", t + 1.7e9, true)
+    write_tum(tmp_path / "mine.txt", t + 1.7e9, x)
+    pd.DataFrame(columns(t + 1.7e9, x)).to_csv(tmp_path / "theirs.csv", index=False)
+    text = (tmp_path / "mine.txt").read_text()
+    (tmp_path / "commas.txt").write_text("# by hand\n" + text.replace(" ", ","))
+    files = {name: tmp_path / name for name in ("mine.txt", "theirs.csv", "commas.txt")}
+    rows, _ = judge_trajectories(tmp_path / "truth.txt", files)
+    for column in ("rmse", "rpe", "heading"):
+        np.testing.assert_allclose(rows[column], rows[column].iloc[0], rtol=1e-6)
+
+
 # ---- faults
 
 
@@ -182,6 +215,11 @@ def broken(honest, folder, **change):
     ("change", "said"),
     [
         ({"x": "mirrored"}, r"robot 'red' has a mirrored path: it fits the truth to [\d.]+ m with y turned"),
+        (
+            {"x": "millimetres"},
+            r"robot 'red' has the true path 1e\+03 times as large: write m, or name its columns",
+        ),
+        ({"x": "degrees", "how": "csv"}, r"robot 'red' has headings that fit the truth as degrees: write rad, or name"),
         (
             {"t": "late"},
             r"no stamp of robot 'red' \(1000 to 1059.9 s\) is within 0.01 s of one of the truth",
@@ -201,8 +239,8 @@ def test_what_cannot_be_judged_is_one_line(honest, tmp_path, change, said):
     negative, crooked, absent = P.copy(), P.copy(), P.copy()
     negative[7, 0, 0], crooked[7, 0, 1], absent[7] = -1.0, 9.0, np.nan
     wrong = {
-        "mirrored": x * [1, -1, -1], "late": t + 1000, "negative": negative, "crooked": crooked, "short": P[:5],
-        "absent": absent,
+        "mirrored": x * [1, -1, -1], "millimetres": x * [1e3, 1e3, 1], "degrees": x * [1, 1, np.degrees(1)],
+        "late": t + 1000, "negative": negative, "crooked": crooked, "short": P[:5], "absent": absent,
     }  # fmt: skip
     folder = broken(honest, tmp_path / "mine", **{key: wrong.get(word, word) for key, word in change.items()})
     with pytest.raises(cl.BadInput, match=said) as caught:
@@ -267,13 +305,15 @@ def test_stored_covariances_follow_poses_in_any_order_and_headings_may_lack_them
         ("red.csv", "stamp,x,y,xx,xy,yy\n0,0,0,1,0,1\n1,1,0,1,0,1\n", {"axes": "body"}, "no heading for axes"),
         ("red.csv", "stamp,x,y\n0,0,0\n1000000000000,1,0\n", {}, "write seconds"),
         ("red.csv", "stamp,x,y\n", {}, "it has no line"),
-        ("red.csv", "stamp,x,y,yaw\n0,0,0,0\n1,0,0,north\n", {}, "line 3: heading is 'north', which is not a number"),
-        ("red.csv", "stamp,x,y\n0,0,0\n1,,0\n", {}, "line 3: x is 'nan', which is not a number"),
+        ("red.csv", "stamp,x,y,yaw\n0,0,0,0\n1,0,0,north\n", {}, "line 3: yaw is 'north', which is not a number"),
+        ("red.csv", "stamp,x,y\n0,0,0\n1,,0\n", {}, "line 3: x is '', which is not a number"),
         ("red.txt", "0 0 0 0 0 0 0 1\n1 nan 0 0 0 0 0 1\n", {}, "red.txt, line 2: tx is 'nan'"),
         ("red.txt", "0 0 0 0 1 0 0 0\n1 0 0 0 1 0 0 0\n", {}, "write qx qy qz qw, w last"),
-        ("red.txt", "0,0,0,0,0,0,0,1\n", {}, "line 1: 1 columns, not 8"),
+        ("red.txt", "0 0 0 0 0 0 1\n", {}, "line 1: 7 columns, not 8"),
+        ("red.csv", "0,0,0,0\n1,1,0,0\n", {}, "it has 1, 2, 3, 4: write their names above: stamp,x,y,heading"),
+        ("red.csv", "stamp,x,y\n0,0,0\n1,1\n", {}, "line 3: 2 fields, not 3"),
         ("red.txt", "0 0 0 0 0 0 0 1\n1 0 0 0 0 0 0 1\n", {"pieces": 1.5}, "must be a whole number from 1 to 1"),
-        ("red.csv", "stamp,time,x,y\n0,0,0,0\n", {}, "two columns are one: stamp, stamp, x, y"),
+        ("red.csv", "stamp,x,y,x\n0,0,0,0\n", {}, "two columns have one name: stamp, x, y, x"),
         ("red.csv", "stamp,x,y\n0,0,0\n", {}, "a robot has 1 pose to judge"),
         ("covariances.npz", "PK\x03\x04", {}, "covariances.npz: cannot be read"),
         ("red.bag", "no bag", {}, "red.bag: cannot be read as a bag"),
@@ -338,3 +378,17 @@ def test_of_several_topics_of_a_robot_that_of_the_method_counts(honest, tmp_path
     assert rows["rmse"].iloc[0] < 0.5 < rows["rmse"].iloc[1]
     with pytest.raises(cl.BadInput, match=r"topics /red/odom, /red/ekf of robot 'red': name the method like a part"):
         judge_trajectories(tmp_path / "red.txt", {"mine": tmp_path / "bag"})
+
+
+def test_a_bag_of_a_tracker_is_a_truth_and_its_robots_are_where_names_differ(team, tmp_path):
+    poses = [
+        (f"/vrpn/{robot}/pose", "geometry_msgs/msg/PoseStamped", s, pose_at(x, y, 0.0, heading, "pose."))
+        for r, robot in enumerate(ROBOTS)
+        for s, (x, y, heading) in zip(*true_path(r), strict=True)
+    ]
+    write_messages(tmp_path / "bag", poses)
+    found, files = (
+        judge_trajectories(place, {"mine": team / "mine"})[0] for place in (tmp_path / "bag", team / "truth")
+    )
+    assert found["name"].tolist() == files["name"].tolist()
+    np.testing.assert_allclose(found[["rmse", "heading"]], files[["rmse", "heading"]], atol=1e-6)
