@@ -178,8 +178,8 @@ def _read_team(folder: Path, stream: Stream) -> Trace:
         fact = "is of no robot of the stream" if (trial, robot) in files else "is missing"
         has = f"robots 0 to {stream.robots - 1} in trials {trials[0]} to {trials[-1]}"
         raise BadInput(f"{folder}: trial{trial}-robot{robot}.txt {fact}: the stream has {has}")
-    found, time = read_files({path.stem: path for path in files.values()}), stream.time
-    team = [found[files[key].stem] for key in wanted]
+    found, time = read_files({str(key): path for key, path in files.items()}), stream.time
+    team = [found[str(key)] for key in wanted]
     for key, one in zip(wanted, team, strict=True):
         if len(one.stamp) != len(time):
             lines = f"{len(one.stamp)} lines, and the stream {len(time)} ticks"

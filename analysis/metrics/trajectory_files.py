@@ -1,12 +1,13 @@
 """Files of a team's trajectories, of any program: read with their covariances, and ours written for any program.
 
-A team is a folder with a file for each robot, the same names in every folder; its name is the robot's.
+A team is a folder with a file for each robot, or a folder with one; what differs between their names is the robot's.
 
 - `NAME.txt` or `NAME.tum` is a TUM file: a line `stamp tx ty tz qx qy qz qw` for each pose, of which x, y and yaw
   count; a quaternion of zeros is no heading.
 - `NAME.csv` has a header, and what `cooploc inspect` takes for `stamp`, `x`, `y` and `heading`, by their names: `time`,
   `theta`, `yaw`, quaternions, units (`x [mm]`, `heading_deg`), as EuRoC or MATLAB's `writetable` write it. It may have
   the covariance's `xx`, `xy`, `yy`, `xh`, `yh`, `hh` (or `Pxx`, `Pxy`, ...). Commas, semicolons or tabs part fields.
+  One file may have all robots, with a column `robot`.
 - `NAME.cov.txt` beside either may have the covariances, a line `stamp xx xy yy` [m^2], the upper triangle of the
   position's, or `stamp xx xy xh yy yh hh` [m^2, m rad, rad^2], of position and heading h, at the stamps of the poses.
 - `covariances.npz` may have them for all robots: an array `NAME` (T, 3, 3) or (T, 2, 2), at the stamps of the poses.
@@ -35,7 +36,7 @@ from cooploc.estimators.interface import Array, Mask
 from cooploc.scenarios.recordings.bag_storage import KINDS, bag_paths, open_bag, stamp_of
 from cooploc.scenarios.recordings.inspect.bag_draft import topics_by_robot
 from cooploc.scenarios.recordings.inspect.columns import EPOCHS, SINCE_1970, CsvTable, infer_columns, infer_delimiter
-from cooploc.scenarios.recordings.inspect.naming import SI, name_meaning
+from cooploc.scenarios.recordings.inspect.naming import SI, file_pattern, name_meaning
 from cooploc.scenarios.recordings.schema import UNITS
 from cooploc.scenarios.recordings.text_files import TextTable, parse_fields, read_table, read_text, split_fields
 from cooploc.scenarios.runner.run import Run
@@ -74,10 +75,12 @@ def read_team(place: Path, robots: Sequence[str] = (), method: str = TRUTH) -> T
     if not place.exists():
         raise BadInput(f"there is no folder {place}; name the one that holds a file for each robot")
     files = team_files(place)
-    named = {name: path for name, path in files.items() if not robots or name in robots}
-    if len(robots) == len(files) == 1:  # whatever its name
-        named = dict(zip(robots, files.values(), strict=True))
+    words = file_pattern([f"{name}.txt" for name in files])[1] if files else ()
+    files = dict(zip(words, files.values(), strict=True)) if len(words) == len(files) else files  # red_truth is of red
+    named = {name: path for name, path in files.items() if not robots or name in robots or len(files) == 1}
     found = read_files(named) if files else _read_bag(place, robots, method)
+    if len(robots) == len(found) == 1:  # whatever its name
+        found = dict(zip(robots, found.values(), strict=True))
     for robot in [robot for robot in robots if robot not in found]:
         raise BadInput(f"{place}: robot {robot!r} has no trajectory; {nearest(robot, list(files or found))}")
     return found
@@ -87,6 +90,9 @@ def team_files(place: Path) -> dict[str, Path]:
     """Return the files of poses of a folder, or the file itself, by the names of their robots."""
     files = sorted(place.iterdir()) if place.is_dir() else [place]
     files = [path for path in files if path.suffix in ENDINGS and ".cov." not in path.name]
+    if not files and place.is_dir():  # a folder for each robot
+        inside = {path.name: team_files(path) for path in sorted(place.iterdir()) if path.is_dir()}
+        return {name: next(iter(own.values())) for name, own in inside.items() if len(own) == 1}
     named = {path.stem: path for path in files}
     for path in files:
         if named[path.stem] != path:
@@ -97,10 +103,16 @@ def team_files(place: Path) -> dict[str, Path]:
 def read_files(files: Mapping[str, Path]) -> dict[str, Trajectory]:
     """Read the poses of robots, and the covariances that stand with or beside them."""
     stored = {folder: _read_stored(folder / STORED) for folder in {path.parent for path in files.values()}}
-    found = {}
+    found: dict[str, Trajectory] = {}
     for key, path in files.items():
         parted = path.suffix == ".csv" or re.match(r"(#.*\n|\s)*[^#\n]*[,;]", read_text(path))
-        one = _read_csv(path) if parted else _poses_of_tum(read_table(path, COLUMNS, strict=True))
+        own = _read_csv(path) if parted else {"": _poses_of_tum(read_table(path, COLUMNS, strict=True))}
+        if len(own) > 1 < len(files):
+            raise BadInput(f"{path} has poses of several robots, and is one of several files: keep one, or part it")
+        if len(own) > 1:
+            found |= {robot: _by_time(path, one) for robot, one in own.items()}
+            continue
+        one = own[""]
         if (beside := path.with_name(path.stem + COVARIANCE)).exists():
             one = one._replace(P=_read_triangles(beside, one.stamp))
         if path.stem in stored[path.parent]:
@@ -154,8 +166,8 @@ def _read_triangles(path: Path, stamp: Array) -> Array:
     return _covariances(_from_triangle(triangle.values[:, 1:]), triangle)
 
 
-def _read_csv(path: Path) -> Trajectory:
-    """Read a CSV file by its header; of eight columns without one those of a TUM file."""
+def _read_csv(path: Path) -> dict[str, Trajectory]:
+    """Read a CSV file by its header, by robot where a column names several; of eight columns without one as TUM."""
     text = read_text(path)
     head, _, rows = split_fields(text, infer_delimiter([line for line in text.split("\n") if line.strip()]))
     if not rows or len({*head}) < len(head):
@@ -178,7 +190,7 @@ def _read_csv(path: Path) -> Trajectory:
         return numbers[name]
 
     if head == [*"12345678"]:
-        return _poses_of_tum(TextTable(path, np.column_stack([*map(read, head)]), lines))
+        return {"": _poses_of_tum(TextTable(path, np.column_stack([*map(read, head)]), lines))}
     for quantity, name in NEEDED.items():
         if quantity not in own:
             remedy = "write their names above: stamp,x,y,heading" if head[0] == "1" else "name one so"
@@ -196,7 +208,11 @@ def _read_csv(path: Path) -> Trajectory:
     absent = np.full(len(rows), np.nan)
     P = [read(triangle[key], needed=False) if key in triangle else absent for key in COVARIANCES[3][1:]]
     known = _covariances(_from_triangle(np.column_stack(P)), TextTable(path, numbers[head[0]], lines))
-    return Trajectory(stamp, np.column_stack([x, y, heading]), known)
+    every = Trajectory(stamp, np.column_stack([x, y, heading]), known)
+    whose = np.array(words[own["robot"].column] if "robot" in own else ())
+    if not 1 < len(robots := sorted({*whose.tolist()})) <= len(rows) / 2:  # a number of each line is no robot's
+        return {"": every}
+    return {robot: Trajectory(*(field[whose == robot] for field in every)) for robot in robots}
 
 
 def _read_stored(path: Path) -> dict[str, Array]:

@@ -392,3 +392,42 @@ def test_a_bag_of_a_tracker_is_a_truth_and_its_robots_are_where_names_differ(tea
     )
     assert found["name"].tolist() == files["name"].tolist()
     np.testing.assert_allclose(found[["rmse", "heading"]], files[["rmse", "heading"]], atol=1e-6)
+
+
+def one_file(folder):
+    lines = [(*line[[0, 1, 2]], 2 * np.arctan2(line[6], line[7]), robot) for robot in ROBOTS for line in
+             np.loadtxt(folder / f"{robot}.txt")]  # fmt: skip
+    table = pd.DataFrame(sorted(lines), columns=["time", "x", "y", "yaw", "robot"])
+    table.to_csv(folder / "all.csv", index=False)
+    return folder / "all.csv"
+
+
+def test_a_file_of_several_robots_stands_alone(team, tmp_path):
+    shutil.copytree(team / "mine", tmp_path / "mine")
+    one_file(tmp_path / "mine").rename(tmp_path / "mine/red.csv")
+    (tmp_path / "mine/red.txt").unlink()
+    with pytest.raises(cl.BadInput, match=r"red\.csv has poses of several robots, and is one of several files"):
+        judge_trajectories(team / "truth", {"mine": tmp_path / "mine"})
+
+
+def folders(folder):
+    for robot in ROBOTS:
+        (folder / robot).mkdir()
+        (folder / f"{robot}.txt").rename(folder / robot / "poses.txt")
+    return folder
+
+
+def other_names(folder):
+    for robot in ROBOTS:
+        (folder / f"{robot}.txt").rename(folder / f"{robot}_{folder.name}.txt")
+    return folder
+
+
+@pytest.mark.parametrize("form", [one_file, folders, other_names])
+def test_a_team_is_one_file_with_a_column_of_robots_or_folders_or_files_named_otherwise(team, tmp_path, form):
+    for name in ("truth", "mine"):
+        shutil.copytree(team / name, tmp_path / name)
+    found, _ = judge_trajectories(form(tmp_path / "truth"), {"mine": form(tmp_path / "mine")})
+    files, _ = judge_trajectories(team / "truth", {"mine": team / "mine"})
+    assert found["name"].tolist() == files["name"].tolist()
+    np.testing.assert_allclose(found[["rmse", "heading"]], files[["rmse", "heading"]], atol=1e-9)
