@@ -183,7 +183,7 @@ def _read_team(folder: Path, stream: Stream) -> Trace:
     for key, one in zip(wanted, team, strict=True):
         if len(one.stamp) != len(time):
             lines = f"{len(one.stamp)} lines, and the stream {len(time)} ticks"
-            raise BadInput(f"{files[key]} has {lines}: write one line for each")
+            raise BadInput("; ".join([f"{files[key]} has {lines}: write one line for each", *one.notes]))
         for k in np.flatnonzero(np.abs(one.stamp - time) > LATE * stream.world.tick).tolist():
             end = f"the stamp of tick {k} is {one.stamp[k]:.10g} s, and it ends at {time[k]:.10g} s"
             raise BadInput(f"{files[key]}: {end}: write the stamps of stream.time")
@@ -260,11 +260,12 @@ def match_trajectories(
     teams = {name: read_team(Path(folder), list(true), name) for name, folder in estimates.items()}
     matched = {robot: _common(robot, true[robot], teams, largest) for robot in true}
     paths = {robot: true[robot].x[index] for robot, (index, _) in matched.items()}
-    remarks = _shared_remarks(true, teams, paths, largest)
+    remarks = [note for team in (true, *teams.values()) for one in team.values() for note in one.notes]
+    remarks = list(dict.fromkeys(remarks)) + _shared_remarks(true, teams, paths, largest)
     chosen: dict[str, Team] = {}
     for name, team in teams.items():
         rows = {robot: matched[robot][1][name] for robot in true}
-        there = {robot: Trajectory(*(field[rows[robot]] for field in team[robot])) for robot in true}
+        there = {robot: team[robot].select(rows[robot]) for robot in true}
         chosen[name], said = _align(name, there, paths, align, axes)
         remarks += said
     return Matched(truth.resolve().name, paths, chosen, tuple(remarks))

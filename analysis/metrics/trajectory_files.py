@@ -32,13 +32,27 @@ import numpy as np
 
 from cooploc.analysis.metrics.errors import demand_same
 from cooploc.estimators.errors import BadInput, nearest
-from cooploc.estimators.interface import Array, Mask
+from cooploc.estimators.interface import Array, Indices, Mask
 from cooploc.scenarios.recordings.bag_storage import KINDS, bag_paths, open_bag, stamp_of
 from cooploc.scenarios.recordings.inspect.bag_draft import topics_by_robot
-from cooploc.scenarios.recordings.inspect.columns import EPOCHS, SINCE_1970, CsvTable, infer_columns, infer_delimiter
+from cooploc.scenarios.recordings.inspect.columns import (
+    EPOCHS,
+    SINCE_1970,
+    CsvTable,
+    Guess,
+    infer_columns,
+    infer_delimiter,
+)
 from cooploc.scenarios.recordings.inspect.naming import SI, file_pattern, name_meaning
 from cooploc.scenarios.recordings.schema import UNITS
-from cooploc.scenarios.recordings.text_files import TextTable, parse_fields, read_table, read_text, split_fields
+from cooploc.scenarios.recordings.text_files import (
+    TextTable,
+    parse_fields,
+    read_lines,
+    read_table,
+    read_text,
+    split_fields,
+)
 from cooploc.scenarios.runner.run import Run
 from cooploc.scenarios.stream import Truth
 
@@ -65,6 +79,11 @@ class Trajectory(NamedTuple):
     stamp: Array  # (T,) [s]
     x: Array  # (T, 3)  x [m], y [m], heading [rad]; nan where there is no heading
     P: Array  # (T, 3, 3)  nan where it is not known
+    notes: tuple[str, ...] = ()  # on lines that were left out
+
+    def select(self, rows: Array | Mask | Indices) -> "Trajectory":
+        """Return some poses."""
+        return self._replace(stamp=self.stamp[rows], x=self.x[rows], P=self.P[rows])
 
 
 Team = Mapping[str, Trajectory]
@@ -106,7 +125,7 @@ def read_files(files: Mapping[str, Path]) -> dict[str, Trajectory]:
     found: dict[str, Trajectory] = {}
     for key, path in files.items():
         parted = path.suffix == ".csv" or re.match(r"(#.*\n|\s)*[^#\n]*[,;]", read_text(path))
-        own = _read_csv(path) if parted else {"": _poses_of_tum(read_table(path, COLUMNS, strict=True))}
+        own = _read_csv(path) if parted else {"": _poses_of_tum(read_table(path, COLUMNS))}
         if len(own) > 1 < len(files):
             raise BadInput(f"{path} has poses of several robots, and is one of several files: keep one, or part it")
         if len(own) > 1:
@@ -134,8 +153,7 @@ def _by_time(place: Path, one: Trajectory) -> Trajectory:
         if not units:
             raise BadInput(f"{place}: stamps reach {latest:.3g}: write seconds")
         one = one._replace(stamp=one.stamp / units[0])
-    order = np.argsort(one.stamp, kind="stable")
-    return Trajectory(*(field[order] for field in one))
+    return one.select(np.argsort(one.stamp, kind="stable"))
 
 
 def _poses_of_tum(table: TextTable) -> Trajectory:
@@ -145,7 +163,7 @@ def _poses_of_tum(table: TextTable) -> Trajectory:
     for row in np.flatnonzero((np.abs(length - 1) > UNIT) & (length > 0)).tolist():
         raise BadInput(f"{table.at(row)}: qx qy qz qw is not a unit quaternion; heading 0 is 0 0 0 1")
     poses = np.column_stack([table.values[:, 1:3], _heading_of(table.path, q)])
-    return Trajectory(table.values[:, 0], poses, np.full((len(q), 3, 3), np.nan))
+    return Trajectory(table.values[:, 0], poses, np.full((len(q), 3, 3), np.nan), table.notes)
 
 
 def _heading_of(path: Path, q: Array) -> Array:
@@ -160,59 +178,69 @@ def _read_triangles(path: Path, stamp: Array) -> Array:
     """Read covariances, a line of their upper triangle for each pose."""
     width = len(path.read_text("utf-8", "replace").rstrip().rpartition("\n")[2].split())
     triangle = read_table(path, COVARIANCES[3 if width == len(COVARIANCES[3]) else 2], strict=True)
-    if len(triangle.values) != len(stamp) or (np.abs(triangle.values[:, 0] - stamp) > EQUAL).any():
+    order = np.argsort(triangle.values[:, 0], kind="stable")
+    stamps = triangle.values[order, 0]
+    rows = order[np.searchsorted(stamps, stamp - EQUAL).clip(0, len(stamps) - 1)]
+    if (np.abs(triangle.values[rows, 0] - stamp) > EQUAL).any():
         poses = path.name.removesuffix(COVARIANCE)
         raise BadInput(f"{path}: its stamps are not those of {poses}: write one line for each pose")
+    triangle = triangle._replace(values=triangle.values[rows], line=triangle.line[rows])
     return _covariances(_from_triangle(triangle.values[:, 1:]), triangle)
+
+
+def _columns_of(path: Path, text: str, delimiter: str) -> tuple[list[str], dict[str, Guess]]:
+    """Return the names of a CSV file's columns, and what the first ones of each quantity mean."""
+    head, _, rows = split_fields(text, delimiter)
+    whole = [fields for _, fields in rows if len(fields) == len(head)]
+    if not whole or len({*head}) < len(head):
+        fault = f"two columns have one name: {', '.join(head)}" if whole else f"it has no line of {len(head)} fields"
+        raise BadInput(f"{path}: {fault}; correct the file")
+    columns = dict(zip(head, map(parse_fields, zip(*whole, strict=True)), strict=True))
+    numbers = {name: np.where(np.isinf(values), np.nan, values) for name, values in columns.items()}
+    own = {guess.quantity: guess for guess in reversed(infer_columns(CsvTable(path.name, delimiter, numbers)))}
+    for quantity, name in NEEDED.items():
+        if quantity not in own:
+            remedy = "write their names above: stamp,x,y,heading" if head[0] == "1" else "name one so"
+            raise BadInput(f"{path} has no column {name}; it has {', '.join(head)}: {remedy}")
+    return head, own
 
 
 def _read_csv(path: Path) -> dict[str, Trajectory]:
     """Read a CSV file by its header, by robot where a column names several; of eight columns without one as TUM."""
     text = read_text(path)
-    head, _, rows = split_fields(text, infer_delimiter([line for line in text.split("\n") if line.strip()]))
-    if not rows or len({*head}) < len(head):
-        fault = f"two columns have one name: {', '.join(head)}" if rows else "it has no line"
-        raise BadInput(f"{path}: {fault}; correct the file")
-    for line, fields in rows:
-        if len(fields) != len(head):
-            raise BadInput(f"{path}, line {line}: {len(fields)} fields, not {len(head)}; correct or remove the line")
-    words = dict(zip(head, zip(*(fields for _, fields in rows), strict=True), strict=True))
-    columns = {name: parse_fields(fields) for name, fields in words.items()}
-    numbers = {name: np.where(np.isinf(values), np.nan, values) for name, values in columns.items()}
-    own = {guess.quantity: guess for guess in reversed(infer_columns(CsvTable(path.name, ",", numbers)))}
-    lines = np.array([line for line, _ in rows])
-
-    def read(name: str, needed: bool = True) -> Array:
-        bad = np.isinf(columns[name]) | (np.isnan(columns[name]) & needed)
-        for row in np.flatnonzero(bad).tolist():
-            is_now = f"{name} is {words[name][row][:40]!r}, which is not a number"
-            raise BadInput(f"{path}, line {lines[row]}: {is_now}; correct or remove the line")
-        return numbers[name]
-
+    delimiter = infer_delimiter([line for line in text.split("\n") if line.strip()])
+    head, own = _columns_of(path, text, delimiter)
     if head == [*"12345678"]:
-        return {"": _poses_of_tum(TextTable(path, np.column_stack([*map(read, head)]), lines))}
-    for quantity, name in NEEDED.items():
-        if quantity not in own:
-            remedy = "write their names above: stamp,x,y,heading" if head[0] == "1" else "name one so"
-            raise BadInput(f"{path} has no column {name}; it has {', '.join(head)}: {remedy}")
-    factor = {q: UNITS[SI.get(q, "m")].get(name_meaning(guess.column)[1], 1.0) for q, guess in own.items()}
-    stamp, x, y = (read(own[q].column) * factor[q] for q in NEEDED)
-    heading = np.full(len(rows), np.nan)
-    if turned := own.get("heading"):
-        if turned.quaternion:
-            q = np.column_stack([*map(read, turned.quaternion)])
-            heading = _heading_of(path, np.pad(q, ((0, 0), (4 - q.shape[1], 0))))
-        else:
-            heading = read(turned.column, needed=False) * factor["heading"]
-    triangle = {re.sub("^p(?=[xyh]{2}$)", "", name.lower()): name for name in head}
-    absent = np.full(len(rows), np.nan)
-    P = [read(triangle[key], needed=False) if key in triangle else absent for key in COVARIANCES[3][1:]]
-    known = _covariances(_from_triangle(np.column_stack(P)), TextTable(path, numbers[head[0]], lines))
-    every = Trajectory(stamp, np.column_stack([x, y, heading]), known)
-    whose = np.array(words[own["robot"].column] if "robot" in own else ())
-    if not 1 < len(robots := sorted({*whose.tolist()})) <= len(rows) / 2:  # a number of each line is no robot's
+        return {"": _poses_of_tum(_drop_unknown(read_lines(path, head, (), delimiter), len(head)))}
+    turned, needed = own.get("heading"), [own[quantity] for quantity in NEEDED]
+    turns = (turned.quaternion or (turned.column,)) if turned else ()
+    named = {re.sub("^p(?=[xyh]{2}$)", "", name.lower()): name for name in head}
+    triangle = [(k, named[key]) for k, key in enumerate(COVARIANCES[3][1:]) if key in named]
+    whose = [own["robot"].column] if "robot" in own else []
+    wanted = (*(guess.column for guess in needed), *turns, *(name for _, name in triangle))
+    table = _drop_unknown(read_lines(path, wanted, whose, delimiter), len(needed))
+    read = (*needed, *filter(None, [turned]))
+    units = [UNITS[SI.get(guess.quantity, "m")].get(name_meaning(guess.column)[1], 1.0) for guess in read]
+    x, of_turns = np.full((len(table.values), 3), np.nan), table.values[:, 3 : 3 + len(turns)]
+    x[:, :2] = table.values[:, 1:3] * units[1:3]
+    if len(turns) > 1:
+        x[:, 2] = _heading_of(path, np.pad(of_turns, ((0, 0), (4 - len(turns), 0))))
+    elif turns:
+        x[:, 2] = of_turns[:, 0] * units[3]
+    P = np.full((len(x), len(COVARIANCES[3]) - 1), np.nan)
+    P[:, [k for k, _ in triangle]] = table.values[:, 3 + len(turns) :]
+    every = Trajectory(table.values[:, 0] * units[0], x, _covariances(_from_triangle(P), table), table.notes)
+    names = np.array([row[0] for row in table.names if row])
+    if not 1 < len(robots := sorted({*names.tolist()})) <= len(x) / 2:  # a number of each line is no robot's
         return {"": every}
-    return {robot: Trajectory(*(field[whose == robot] for field in every)) for robot in robots}
+    return {robot: every.select(names == robot) for robot in robots}
+
+
+def _drop_unknown(table: TextTable, width: int) -> TextTable:
+    """Return the lines whose first numbers, so many, are all known."""
+    known = np.isfinite(table.values[:, :width]).all(1)
+    names = [table.names[row] for row in np.flatnonzero(known).tolist()] if table.names else ()
+    return table._replace(values=table.values[known], line=table.line[known], names=names)
 
 
 def _read_stored(path: Path) -> dict[str, Array]:

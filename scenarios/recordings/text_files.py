@@ -310,7 +310,7 @@ def read_lines(path: Path, numbers: Sequence[str], names: Sequence[str], delimit
                 f"{path}, line {content[same[0]][0]}: {head[i]} is {short_repr(words[same[0]])}, which is not a number"
             )
             if len(same) > (1 - LEAST_LEFT) * len(content):
-                raise BadInput(f"{where}; name another column in log.toml")
+                raise BadInput(f"{where}, as most are; correct them, or name another column in log.toml")
             many = "it counts as empty" if len(same) == 1 else f"{len(same)} such fields count as empty"
             notes += (f"{where}; {many}",)
     rows[np.isinf(rows)] = np.nan

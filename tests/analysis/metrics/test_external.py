@@ -96,7 +96,7 @@ def word(line, column, value):
             edit(lambda lines: [" ".join(one.split()[:4]) for one in lines], ".cov"),
             "robot 1 in trial 2, tick 0 is not finite",
         ),
-        (edit(lambda lines: lines[:-1]), r"robot1\.cov\.txt: its stamps are not those of trial2-robot1:"),
+        (edit(lambda lines: lines[:-1], ".cov"), r"robot1\.cov\.txt: its stamps are not those of trial2-robot1:"),
         (edit_alone(lambda lines: lines[:-1]), "has 5 lines, and the stream 6 ticks"),
         (edit_alone(lambda lines: [*lines[:3], word(lines[3], 0, "9"), *lines[4:]]), "the stamp of tick 3 is "),
         (edit(lambda lines: [*lines[:2], word(lines[2], 1, "nan"), *lines[3:]]), "line 3: tx is 'nan'"),
