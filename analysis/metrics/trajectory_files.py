@@ -239,6 +239,8 @@ def _read_csv(path: Path) -> dict[str, Trajectory]:
 def _drop_unknown(table: TextTable, width: int) -> TextTable:
     """Return the lines whose first numbers, so many, are all known."""
     known = np.isfinite(table.values[:, :width]).all(1)
+    if not known.any():
+        raise BadInput(f"{table.path}: no line has a stamp, x and y; correct the file")
     names = [table.names[row] for row in np.flatnonzero(known).tolist()] if table.names else ()
     return table._replace(values=table.values[known], line=table.line[known], names=names)
 

@@ -305,6 +305,7 @@ def test_stored_covariances_follow_poses_in_any_order_and_headings_may_lack_them
         ("red.csv", "stamp,x,y,xx,xy,yy\n0,0,0,1,0,1\n1,1,0,1,0,1\n", {"axes": "body"}, "no heading for axes"),
         ("red.csv", "stamp,x,y\n0,0,0\n1000000000000,1,0\n", {}, "write seconds"),
         ("red.csv", "stamp,x,y\n", {}, "it has no line of 3 fields"),
+        ("red.csv", "stamp,x,y\n0,,0\n1,,0\n", {}, "no line has a stamp, x and y"),
         ("red.txt", "0 0 0 0 1 0 0 0\n1 0 0 0 1 0 0 0\n", {}, "write qx qy qz qw, w last"),
         ("red.txt", "0 0 0 0 0 0 1\n", {}, "line 1: 7 columns, not 8"),
         ("red.csv", "0,0,0,0\n1,1,0,0\n", {}, "it has 1, 2, 3, 4: write their names above: stamp,x,y,heading"),
