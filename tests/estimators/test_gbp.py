@@ -19,7 +19,7 @@ def _settled(estimator, stream, rounds, kept=None):
     running.start()
     for k in range(len(stream.time)):
         running.tick(k)
-    z = running.senses(k, flat=True)
+    z = running.senses(k)
     for once in range(rounds):
         mail, _ = running.carry(k, estimator.send(running.state, z))
         if kept is not None:
