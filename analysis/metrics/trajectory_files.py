@@ -3,7 +3,7 @@
 A team is a folder with a file for each robot, or a folder with one; what differs between their names is the robot's.
 
 - `NAME.txt` or `NAME.tum` is a TUM file: a line `stamp tx ty tz qx qy qz qw` for each pose, of which x, y and yaw
-  count; a quaternion of zeros is no heading.
+  count; a quaternion of zeros means that the heading is not known.
 - `NAME.csv` has a header, and what `cooploc inspect` takes for `stamp`, `x`, `y` and `heading`, by their names: `time`,
   `theta`, `yaw`, quaternions, units (`x [mm]`, `heading_deg`), as EuRoC or MATLAB's `writetable` write it. It may have
   the covariance's `xx`, `xy`, `yy`, `xh`, `yh`, `hh` (or `Pxx`, `Pxy`, ...). Commas, semicolons or tabs part fields.
@@ -225,13 +225,16 @@ def _read_csv(path: Path) -> dict[str, Trajectory]:
     x[:, :2] = table.values[:, 1:3] * units[1:3]
     if len(turns) > 1:
         x[:, 2] = _heading_of(path, np.pad(of_turns, ((0, 0), (4 - len(turns), 0))))
-    elif turns:
+    elif turned:
+        if turned.unit == "deg" and units[3] == 1.0:
+            name, why = turned.column, turned.reason.rpartition("; ")[2]
+            raise BadInput(f"{path}: {name}: {why}: call it {name}_deg if it is in degrees, else {name}_rad")
         x[:, 2] = of_turns[:, 0] * units[3]
     P = np.full((len(x), len(COVARIANCES[3]) - 1), np.nan)
     P[:, [k for k, _ in triangle]] = table.values[:, 3 + len(turns) :]
     every = Trajectory(table.values[:, 0] * units[0], x, _covariances(_from_triangle(P), table), table.notes)
     names = np.array([row[0] for row in table.names if row])
-    if not 1 < len(robots := sorted({*names.tolist()})) <= len(x) / 2:  # a number of each line is no robot's
+    if not 1 < len(robots := sorted({*names.tolist()})) <= len(x) / 2:  # with a name for every line, they number lines
         return {"": every}
     return {robot: every.select(names == robot) for robot in robots}
 

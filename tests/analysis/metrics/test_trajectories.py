@@ -310,6 +310,7 @@ def test_stored_covariances_follow_poses_in_any_order_and_headings_may_lack_them
         ("red.txt", "0 0 0 0 0 0 1\n", {}, "line 1: 7 columns, not 8"),
         ("red.csv", "0,0,0,0\n1,1,0,0\n", {}, "it has 1, 2, 3, 4: write their names above: stamp,x,y,heading"),
         ("red.txt", "0 0 0 0 0 0 0 1\n1 0 0 0 0 0 0 1\n", {"pieces": 1.5}, "must be a whole number from 1 to 1"),
+        ("red.csv", "stamp,x,y,yaw\n0,0,0,170\n1,1,0,-170\n", {}, "call it yaw_deg if it is in degrees, else yaw_rad"),
         ("red.csv", "stamp,x,y,x\n0,0,0,0\n", {}, "two columns have one name: stamp, x, y, x"),
         ("red.csv", "stamp,x,y\n0,0,0\n", {}, "a robot has 1 pose to judge"),
         ("covariances.npz", "PK\x03\x04", {}, "covariances.npz: cannot be read"),
