@@ -26,7 +26,7 @@ from cooploc.analysis.execution.run import Answers, execute, prepare, run_until_
 from cooploc.analysis.execution.run_directory import PARTS, read_run, select
 from cooploc.analysis.formats import count_of
 from cooploc.analysis.metrics import run_tables
-from cooploc.analysis.metrics.compare import compare
+from cooploc.analysis.metrics.compare import compare, require_errors
 from cooploc.analysis.metrics.errors import errors
 from cooploc.analysis.metrics.sequential import (
     ANYTIME,
@@ -308,11 +308,11 @@ def sweep(
     """
     swept: dict[str, list[Any]] = {}
     for name, value in parameters.items():
-        if isinstance(value, set | frozenset | list | range | np.ndarray):
+        if isinstance(value, set | frozenset | list | range | np.ndarray | pd.Series):
             ordered = sorted(value) if isinstance(value, set | frozenset) else value
-            swept[name] = np.asarray(ordered).tolist() if isinstance(value, np.ndarray) else [*ordered]
+            swept[name] = np.asarray(ordered).tolist() if isinstance(value, np.ndarray | pd.Series) else [*ordered]
     if not swept or not all(swept.values()):
-        raise BadInput("nothing is swept: give several values of a parameter, such as drop={0, 0.5}")
+        raise BadInput("nothing is swept: give the values of a parameter in a list or a set, such as drop=[0, 0.5]")
     fixed = {name: value for name, value in parameters.items() if name not in swept}
     points, found = list(product(*swept.values())), []
     each = trials if isinstance(trials, int) else len(trials)
@@ -334,7 +334,7 @@ def _label_with(scenario: str, parameters: Mapping[str, Any]) -> tuple[str, dict
     name, which = split_family(path)
     words = family(name).sweep
     first = next((key for key in parameters if key in words and not which), None)
-    others = {words.get(key, key): value for key, value in parameters.items() if key != first}
+    others = {key: value for key, value in parameters.items() if key != first}
     return (scenario if first is None else f"{path}/{first}={parameters[first]}{bracket}{options}"), others
 
 
@@ -581,6 +581,7 @@ def paper(
 def _rows_and_looks(run: AnyRun | pd.DataFrame) -> tuple[pd.DataFrame, list[int]]:
     """Return the rows of a run, and of one until decided its looks, in trials."""
     if isinstance(run, pd.DataFrame):
+        require_errors(run)
         return run, []
     stored = read_run(run)
     return run.rows if isinstance(run, Results) else stored.rows, stored.looks

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 from cooploc.estimators.building import ConfiguredEstimator, build
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.errors import nearest as nearest
+from cooploc.estimators.label_syntax import parse as parse
+from cooploc.estimators.label_syntax import shorten_labels as shorten_labels
+from cooploc.estimators.label_syntax import split_labels as split_labels
 from cooploc.estimators.registry import CallablePackage, Registry, load_object, refusal
-from cooploc.estimators.registry import parse as parse
-from cooploc.estimators.registry import shorten_labels as shorten_labels
-from cooploc.estimators.registry import split_labels as split_labels
 
 if TYPE_CHECKING:
     from pandas import DataFrame

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from cooploc.estimators import configure, make, names, plugin_errors
 from cooploc.estimators.errors import BadInput
-from cooploc.estimators.registry import parse, source_of, traits
+from cooploc.estimators.label_syntax import parse
+from cooploc.estimators.registry import source_of, traits
 
 if TYPE_CHECKING:
     from pandas import DataFrame

@@ -1,10 +1,9 @@
 """Names of estimators and scenarios, and the objects behind them.
 
 A name is looked up in the built-in table first, then among installed plug-ins; `path.py:Name` is always a file. Here
-are, too, the labels in which names are written with parameters, and the optional members of an estimator.
+are, too, the optional members of an estimator.
 """
 
-import re
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import Field, dataclass
@@ -83,48 +82,6 @@ def load_object(place: str, what: str) -> Any:
         raise
     except (Exception, SystemExit, GeneratorExit) as e:
         raise BadInput(f"{what} cannot be imported: {one_line(e)}") from e
-
-
-# Labels: `mrsl-rssi[particles=500]` is a name and its parameters; commas separate the labels of a list. What is in a
-# file may have a name in front, `mine=path.py:Name[gate=9]`, by which readers see it: `mine[gate=9]`.
-
-LABEL = re.compile(r"\s*([^\[\]]*[^\[\]\s])\s*(?:\[([^\[\]]*)\])?\s*")
-GIVEN = re.compile(r"([^/=]*)=(.*\.py(?::.*)?)")
-SHOWN = re.compile(r"(?<![\w./=\[,-])([a-z][a-z0-9-]*)=[^\s\[\],=]*\.py:\w+")
-
-
-def parse(label: str) -> tuple[str, dict[str, str]]:
-    """Read `mrsl-rssi[particles=500,reading=rssi]` as its name and its parameters; BadInput where it is none."""
-    match = LABEL.fullmatch(label) if isinstance(label, str) else None
-    if match is None or not label.isprintable():
-        raise BadInput(f"cannot read {label!r}; write it like mrsl-rssi[particles=500,K=1]")
-    parameters = {}
-    for item in filter(None, (part.strip() for part in (match[2] or "").split(","))):
-        key, equals, value = (part.strip() for part in item.partition("="))
-        if not (key and equals and value):
-            raise BadInput(f"cannot read {item!r} in {label!r}; write name=value")
-        if key in parameters:
-            raise BadInput(f"{label!r} gives {key} twice; leave one out")
-        parameters[key] = value
-    given = GIVEN.fullmatch(match[1])
-    if given and not re.fullmatch("[a-z][a-z0-9-]*", given[1]):
-        raise BadInput(f"{given[1]!r} cannot be a name: write small letters, digits, hyphens, as in mine={given[2]}")
-    return given[2] if given else match[1], parameters
-
-
-def write_label(name: str, parameters: Mapping[str, str]) -> str:
-    """Return the label that `parse` reads as a name and its parameters."""
-    return name + (f"[{','.join(f'{key}={value}' for key, value in parameters.items())}]" if parameters else "")
-
-
-def shorten_labels(text: str) -> str:
-    """Write each `mine=path.py:Name[gate=9]` in a text as readers see it, `mine[gate=9]`."""
-    return SHOWN.sub(r"\1", text)
-
-
-def split_labels(listed: str) -> list[str]:
-    """Split a comma-separated list into labels; commas inside brackets do not separate."""
-    return [part.strip() for part in re.split(r",(?![^\[]*\])", listed) if part.strip()]
 
 
 # What an estimator says of itself beyond the methods that every estimator has; all of it is optional.

@@ -13,7 +13,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cooploc.estimators.errors import BadInput
-from cooploc.estimators.registry import CallablePackage, Registry, parse, source_of
+from cooploc.estimators.label_syntax import parse
+from cooploc.estimators.registry import CallablePackage, Registry, source_of
 from cooploc.scenarios.scenario import Family as Family
 from cooploc.scenarios.scenario import ResolvedScenario, build_scenario, split_family
 from cooploc.scenarios.stream import Stream, Truth
@@ -123,8 +124,9 @@ def simulate(
             bit-identical. As the overrides, they become part of the label, "trajectory[assumed.eta=2]", and so of the
             stream's hash: rows with other assumptions are not paired.
         data: the directory of a recording.
-        overrides: parameters of the scenario; they become part of its label. Every scenario has `team_priors=True`,
-            which tells every robot everyone's prior (the channel "team_prior", `cl.priors_of`).
+        overrides: parameters of the scenario, by the names that its label or its table of parameters has; they become
+            part of its label. Every scenario has `team_priors=True`, which tells every robot everyone's prior (the
+            channel "team_prior", `cl.priors_of`).
 
     Raises:
         BadInput: anything unknown, out of bounds, or missing; one line that says what to do.
@@ -148,7 +150,8 @@ def resolve(
     found = family(name)
     own = {key: value for key, value in written.items() if not key.startswith(ASSUMED)}
     stated = {key.removeprefix(ASSUMED): value for key, value in written.items() if key not in own}
-    parameters = {**found.base, **found.parameters_of(name, which), **own, **overrides}
+    own = {found.sweep.get(key, key): value for key, value in {**own, **overrides}.items()}
+    parameters = {**found.base, **found.parameters_of(name, which), **own}
     if overrides or assumed:  # an assumed 2.0 is 2 in a label, as in one that is written by hand
         added = {f"{ASSUMED}{key}": str(value).removesuffix(".0") for key, value in assumed.items()}
         shown = {**written, **overrides, **added}

@@ -22,8 +22,9 @@ import numpy as np
 from cooploc.estimators import is_builtin, make
 from cooploc.estimators.errors import BadInput, one_line
 from cooploc.estimators.interface import Array, Belief, Mail, Mask
+from cooploc.estimators.label_syntax import shorten_labels
 from cooploc.estimators.models import Displacement, Unicycle, wrap_heading
-from cooploc.estimators.registry import refusal, shorten_labels, traits
+from cooploc.estimators.registry import refusal, traits
 from cooploc.scenarios import simulate, variations
 from cooploc.scenarios.process import PLUGINS, SESSION, WorkerError, call, limit_time, place_of
 from cooploc.scenarios.runner.run import label_of, list_table, make_instance, missing_methods

@@ -22,7 +22,7 @@ from cooploc.analysis.claims.kinds import Claim, Labels, LedgerTable
 from cooploc.estimators import make, nearest, parse
 from cooploc.estimators.building import RENAMED
 from cooploc.estimators.errors import BadInput
-from cooploc.estimators.registry import write_label
+from cooploc.estimators.label_syntax import write_label
 
 CANDIDATES = 20  # rows that the greedy search tries before it takes one
 

@@ -58,7 +58,7 @@ def load(path: Ledger | str | Path | None = None) -> Ledger:
         return path
     file: Any = files(__package__) / "claims.toml" if path is None else Path(path)
     try:
-        content = tomllib.loads(file.read_text(encoding="utf-8"))
+        content = tomllib.loads(file.read_text(encoding="utf-8-sig"))
     except OSError as e:
         raise BadInput(f"the ledger {path} cannot be read: {e.strerror}; name a TOML file") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as e:

@@ -24,7 +24,7 @@ from cooploc.analysis.metrics import statistics
 from cooploc.analysis.metrics.errors import demand_same_streams
 from cooploc.analysis.metrics.statistics import FIXED, Stopping
 from cooploc.estimators.errors import BadInput
-from cooploc.estimators.registry import parse, write_label
+from cooploc.estimators.label_syntax import parse, write_label
 
 ENDS = ("letter", "preset", "code")  # readings that have a name
 LEVELS = ("error", "baseline", "dead_reckoning")  # RMSE [m]

@@ -17,7 +17,7 @@ from cooploc.analysis.metrics.statistics import FIXED, Stopping
 from cooploc.estimators import nearest, parse
 from cooploc.estimators.building import RENAMED
 from cooploc.estimators.interface import Array
-from cooploc.estimators.registry import write_label
+from cooploc.estimators.label_syntax import write_label
 
 Key = tuple[str, str]  # labels of a scenario and an estimator
 

@@ -23,8 +23,8 @@ from cooploc.analysis.execution.run_directory import (
 from cooploc.analysis.execution.workers import Task, compute_task
 from cooploc.estimators import configure, make
 from cooploc.estimators.errors import BadInput
+from cooploc.estimators.label_syntax import parse
 from cooploc.estimators.plugin_files import is_file
-from cooploc.estimators.registry import parse
 from cooploc.scenarios import resolve
 from cooploc.scenarios.scenario import split_family
 

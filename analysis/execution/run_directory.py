@@ -29,7 +29,7 @@ from cooploc.analysis.execution.provenance import add_certificates
 from cooploc.analysis.metrics.errors import NOTE
 from cooploc.analysis.metrics.sequential import Decision, looks
 from cooploc.estimators.errors import BadInput, nearest
-from cooploc.estimators.registry import shorten_labels
+from cooploc.estimators.label_syntax import shorten_labels
 from cooploc.scenarios.studies.study import Study
 
 FORMAT = 3  # of the JSON files

@@ -220,8 +220,8 @@ class Processes(NamedTuple):
 @contextmanager
 def make_workers(jobs: int, scheduler: str | None, isolate: bool) -> Iterator[Compute]:
     """Yield a function that computes tasks: here, in processes of this machine, or on a Dask cluster."""
-    if not 1 <= jobs <= MOST_JOBS:
-        raise BadInput(f"jobs is {jobs}; it must be at least 1, and at most {MOST_JOBS}")
+    if not isinstance(jobs, int) or not 1 <= jobs <= MOST_JOBS:
+        raise BadInput(f"jobs is {jobs!r}; it must be a whole number, at least 1, and at most {MOST_JOBS}")
     if not isolate and (jobs > 1 or scheduler):
         other = f"--jobs {jobs}" if jobs > 1 else "--scheduler"
         raise BadInput(f"--no-isolate keeps everything in one process, and {other} asks for others: leave one out")

@@ -29,7 +29,7 @@ from cooploc.analysis.metrics.statistics import FIXED, Interval
 from cooploc.estimators import nearest, parse
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array
-from cooploc.estimators.registry import shorten_labels, write_label
+from cooploc.estimators.label_syntax import shorten_labels, write_label
 from cooploc.scenarios.runner.run import Run
 from cooploc.scenarios.stream import Truth
 

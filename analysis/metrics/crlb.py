@@ -29,9 +29,9 @@ from threadpoolctl import threadpool_limits
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Mail, Sensor
 from cooploc.estimators.kalman import root
+from cooploc.estimators.label_syntax import parse
 from cooploc.estimators.models import NOWHERE, Displacement, GradientDoa, GradientReading, gradient_doa
 from cooploc.estimators.plugin_files import is_file
-from cooploc.estimators.registry import parse
 from cooploc.scenarios import resolve, simulate
 from cooploc.scenarios.scenario import split_family
 from cooploc.scenarios.stream import Stream

@@ -36,8 +36,8 @@ from cooploc.analysis.metrics.trajectory_files import (
 from cooploc.estimators import split_labels
 from cooploc.estimators.errors import BadInput, nearest
 from cooploc.estimators.interface import Array, Indices, Mask
+from cooploc.estimators.label_syntax import parse
 from cooploc.estimators.models import wrap
-from cooploc.estimators.registry import parse
 from cooploc.scenarios import BUILTIN, simulate
 from cooploc.scenarios.runner.run import Run, run
 from cooploc.scenarios.runner.tick import EstimatorError

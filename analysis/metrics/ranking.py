@@ -16,7 +16,7 @@ from cooploc.analysis.metrics.consistency import DOUBTFUL
 from cooploc.analysis.metrics.errors import TRAINED
 from cooploc.analysis.metrics.statistics import FIXED, Stopping
 from cooploc.estimators.interface import Array
-from cooploc.estimators.registry import shorten_labels
+from cooploc.estimators.label_syntax import shorten_labels
 
 ALPHA = 1 - statistics.LEVEL
 

@@ -14,7 +14,7 @@ from cooploc.analysis.metrics.crlb import floors, pooled_floor
 from cooploc.analysis.metrics.errors import CELL
 from cooploc.estimators import configure, make, parse
 from cooploc.estimators.errors import BadInput
-from cooploc.estimators.registry import write_label
+from cooploc.estimators.label_syntax import write_label
 from cooploc.scenarios import ASSUMED, resolve
 
 OWN = {"none": (), "doa": ("anchor_doa",), "gradient": ("anchor_gradient",), "rssi": ("anchor_rssi",)}

@@ -25,7 +25,7 @@ from cooploc.analysis.metrics.consistency import consistency
 from cooploc.analysis.metrics.errors import is_offline
 from cooploc.analysis.metrics.ranking import is_refused
 from cooploc.estimators import BUILTIN
-from cooploc.estimators.registry import shorten_labels
+from cooploc.estimators.label_syntax import shorten_labels
 
 # seaborn's palette "colorblind", which takes a second to import.
 BLUE, ORANGE, GREEN, VERMILION, PURPLE, BROWN, SKY = (

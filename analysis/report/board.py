@@ -26,7 +26,8 @@ from cooploc.analysis.report.run_numbers import Numbers, numbers_of
 from cooploc.analysis.report.tables import Row, Table, interval_column, number_column, text_column, words
 from cooploc.estimators import configure, make
 from cooploc.estimators.errors import BadInput
-from cooploc.estimators.registry import shorten_labels, source_of
+from cooploc.estimators.label_syntax import shorten_labels
+from cooploc.estimators.registry import source_of
 from cooploc.scenarios.studies.study import Study, stream_sentence
 
 

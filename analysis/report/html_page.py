@@ -55,8 +55,9 @@ from cooploc.analysis.report.tables import (
 )  # fmt: skip
 from cooploc.estimators import configure, make
 from cooploc.estimators.errors import BadInput
+from cooploc.estimators.label_syntax import parse, shorten_labels
 from cooploc.estimators.listing import setting_kind
-from cooploc.estimators.registry import parse, shorten_labels, source_of
+from cooploc.estimators.registry import source_of
 from cooploc.scenarios.studies.study import Study, stream_sentence
 
 FEW = 4  # scenarios that the first figure of a page draws side by side

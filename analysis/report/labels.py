@@ -5,7 +5,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
-from cooploc.estimators.registry import shorten_labels
+from cooploc.estimators.label_syntax import shorten_labels
 
 LONGEST = 24  # characters of a label that is written in full
 

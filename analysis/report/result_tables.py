@@ -24,8 +24,8 @@ from cooploc.analysis.report.sentences import Standing, SweepChange, summary_sen
 from cooploc.analysis.report.tables import Row, Table, TableColumn, number_column, read_toml, text_column, words
 from cooploc.estimators import nearest
 from cooploc.estimators.errors import BadInput
+from cooploc.estimators.label_syntax import parse, shorten_labels
 from cooploc.estimators.listing import declares_bytes, setting_kind
-from cooploc.estimators.registry import parse, shorten_labels
 
 CONSISTENCY = {flag: flag for flag in ("over-confident", "over-wide", "conservative")}
 CONSISTENCY["not shown"] = "consistency not shown"

@@ -17,7 +17,7 @@ from cooploc.analysis.metrics.consistency import consistency
 from cooploc.analysis.metrics.errors import trial_means
 from cooploc.analysis.metrics.statistics import Interval
 from cooploc.analysis.report.tables import Table, TableColumn, number_column, text_column, words
-from cooploc.estimators.registry import shorten_labels
+from cooploc.estimators.label_syntax import shorten_labels
 
 SAME, NOTHING, WORSE = "bit-equal", "no difference shown", ("worse", "fails more", "gone")  # verdicts
 REMARKED = "verdict", "pairing", "failed_a", "failed_b"

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from importlib.resources import files
+from textwrap import wrap
 from typing import Any
 
 import pandas as pd
@@ -19,7 +20,7 @@ from rich.table import Table as RichTable
 from rich.text import Text
 
 from cooploc.analysis.formats import Format, count_of, interval
-from cooploc.estimators.registry import shorten_labels
+from cooploc.estimators.label_syntax import shorten_labels
 from cooploc.scenarios.runner.run import list_table
 
 Row = dict[Any, Any]  # key -> value, as of `DataFrame.to_dict("records")`
@@ -162,8 +163,19 @@ class TerminalTable:
             out.add_column(head, justify="right" if first.right else "left", no_wrap=first.right, overflow="fold")
         for row, style in zip(self.table.rows, self.styles, strict=True):
             texts = ([one.text(row) for one in cell] for cell in cells)
-            out.add_row(*("\n".join([first, *filter(None, below)]) for first, *below in texts), style=style)
+            folded = ([_break_label(first) if stacked else first, *filter(None, below)] for first, *below in texts)
+            out.add_row(*map("\n".join, folded), style=style)
         return out
+
+
+LABEL_WIDTH = 30  # beyond which a label is broken where a table is stacked
+
+
+def _break_label(text: str) -> str:
+    """Return a long label in lines that end at its commas; any other text as it is."""
+    if len(text) <= LABEL_WIDTH or " " in text:
+        return text
+    return "\n".join(wrap(text.replace(",", ", "), LABEL_WIDTH, break_long_words=False)).replace(", ", ",")
 
 
 # ------------------------------------------------------------------------------------------------ templates

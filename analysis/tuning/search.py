@@ -31,7 +31,7 @@ from cooploc.estimators import configure, make
 from cooploc.estimators.building import ConfiguredEstimator
 from cooploc.estimators.errors import BadInput, nearest
 from cooploc.estimators.interface import Array
-from cooploc.estimators.registry import write_label
+from cooploc.estimators.label_syntax import write_label
 from cooploc.estimators.tunable import Tunable, Value, declarations
 from cooploc.scenarios.process import PLUGINS, WorkerError, call
 from cooploc.scenarios.scenario import ResolvedScenario

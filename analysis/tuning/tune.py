@@ -32,7 +32,7 @@ from cooploc.analysis.metrics.statistics import FIXED
 from cooploc.analysis.tuning.search import Finish, Item, Lane, Pair, race, require_objective, space_of, trial_scores
 from cooploc.estimators import configure
 from cooploc.estimators.errors import BadInput
-from cooploc.estimators.registry import parse
+from cooploc.estimators.label_syntax import parse
 from cooploc.scenarios import family, resolve, simulate
 from cooploc.scenarios.recordings.inspect.draft_toml import toml
 from cooploc.scenarios.runner.run import list_table

@@ -40,7 +40,7 @@ from cooploc.analysis.report.result_tables import (
 )
 from cooploc.analysis.report.tables import Table, csv_text, frame, number_column, text_column, words
 from cooploc.estimators.errors import BadInput
-from cooploc.estimators.registry import shorten_labels
+from cooploc.estimators.label_syntax import shorten_labels
 from cooploc.scenarios.conformance import FIRST, Report
 from cooploc.scenarios.recordings.scenario import NO_ORDER
 from cooploc.scenarios.studies.study import Study, stream_sentence
@@ -226,6 +226,9 @@ CONTENT_COLUMNS = (
 )
 
 
+SHOWN = "cl.show prints a run directory, results of cl.run_study, cl.verdicts(...) and cl.compare(..., full=True)"
+
+
 def show(what: str | PathLike[str] | pd.DataFrame, ledger: str | Path | None = None) -> None:
     """Print what a run, by its directory or its `Results`, holds, what is missing, and what failed and why.
 
@@ -242,8 +245,10 @@ def show(what: str | PathLike[str] | pd.DataFrame, ledger: str | Path | None = N
         elif {"baseline", "robots", "stream"} <= set(what):
             show_table(sort_rows(what), what, as_json=False)
         else:
-            raise BadInput("cl.show prints a run, cl.verdicts(...) and cl.compare(..., full=True), no other table")
+            raise BadInput(f"this is another table: {SHOWN}")
         return
+    if not isinstance(what, str | PathLike):
+        raise BadInput(f"this is of type {type(what).__name__}: {SHOWN}")
     held, console = read_run(what, empty=True), make_console()
     manifest, decisions, certificates = held.manifest, held.decisions, held.manifest["certificates"]
     verdicts = {(one["scenario"], one["estimator"]): one for one in (decisions or {"comparison": []})["comparison"]}

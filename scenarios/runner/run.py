@@ -19,6 +19,7 @@ from cooploc.estimators.adapters import Adapter
 from cooploc.estimators.building import ConfiguredEstimator, adapt, is_plain
 from cooploc.estimators.errors import BadInput, message
 from cooploc.estimators.interface import Array, Indices, Rows
+from cooploc.estimators.label_syntax import expand
 from cooploc.scenarios import BUILTIN, process, resolve, seeds
 from cooploc.scenarios.process import PATIENCE, PLUGINS, SESSION, WorkerError, call, limit_time, submit, wait_for
 from cooploc.scenarios.runner.tick import EstimatorError, IncompatibleEstimator
@@ -123,8 +124,8 @@ def run(estimators: Any, stream: Stream, jobs: int = 1, isolate: bool = True, ti
         EstimatorError: an estimator returned something of the wrong shape, or not finite; or it took too long, or
             ended its process.
     """
-    if jobs < 1:
-        raise BadInput(f"jobs is {jobs}; it must be at least 1")
+    if not isinstance(jobs, int) or jobs < 1:
+        raise BadInput(f"jobs is {jobs!r}; it must be a whole number, at least 1")
     if jobs > 1 and not isolate:
         raise BadInput(f"isolate=False keeps everything in one process, and jobs is {jobs}: leave one of them out")
     if not isinstance(stream, Stream):
@@ -133,6 +134,8 @@ def run(estimators: Any, stream: Stream, jobs: int = 1, isolate: bool = True, ti
             f"then cl.run(estimators, stream)"
         )
     given = estimators_by_name(estimators, isolate)
+    if not given:
+        raise BadInput("there is no estimator to run: name some")
     first = stream.select(slice(0, 1)).first_ticks(1)
     unchecked = frozenset(name for name, one in given.items() if not is_builtin(one))
     plugins = {name: PluginJob(name, given[name], time_limit) for name in given if isolate and name in unchecked}
@@ -165,7 +168,8 @@ def estimators_by_name(estimators: Any, isolate: bool = False) -> dict[str, Any]
     single = isinstance(estimators, type) or any(hasattr(estimators, method) for method in ("init", "smooth"))
     several = [estimators] if single or not isinstance(estimators, Iterable) else estimators
     found: dict[str, Any] = {}
-    for one in split_labels(estimators) if isinstance(estimators, str) else several:
+    listed = split_labels(estimators) if isinstance(estimators, str) else several
+    for one in (each for given in listed for each in (expand(given) if isinstance(given, str) else [given])):
         name = label_of(one)
         if name in found:
             raise BadInput(f"two estimators are called {name!r}: give them names, {{{name!r}: ..., 'other': ...}}")

@@ -25,10 +25,7 @@ import re
 import tomllib
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from decimal import Decimal
 from importlib.resources import files
-from itertools import product
-from math import prod
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
@@ -38,59 +35,13 @@ from cooploc import scenarios as registry
 from cooploc.estimators import configure
 from cooploc.estimators.building import ConfiguredEstimator
 from cooploc.estimators.errors import BadInput, first_reason, nearest
-from cooploc.estimators.registry import shorten_labels, source_of
+from cooploc.estimators.label_syntax import MOST_LABELS, expand, shorten_labels, write_out_variants
+from cooploc.estimators.registry import source_of
 from cooploc.scenarios import resolve
 from cooploc.scenarios.scenario import ResolvedScenario
 
 if TYPE_CHECKING:
     from pandas import DataFrame
-
-
-MOST_LABELS = 10_000  # for which one label, or the scenarios of a block, may stand
-
-
-def expand(label: str, variants: Mapping[str, str]) -> list[str]:
-    """Return every label that a swept one stands for, in order; the rightmost braces change fastest."""
-    texts, swept = (re.split(r"\{([^{}]*)\}", label)[i::2] for i in (0, 1))
-    if any("{" in text or "}" in text for text in texts):
-        raise BadInput(f"cannot read the braces of {label!r}: write a sweep like drop={{0,0.5}} or n={{1..9..2}}")
-    values = [_swept_values(inside, label) for inside in swept]
-    if (count := prod(map(len, values))) > MOST_LABELS:
-        raise BadInput(f"{label!r} stands for {count} labels, and at most {MOST_LABELS} are allowed: sweep fewer")
-    filled = ("".join(map("".join, zip(texts, (*chosen, ""), strict=True))) for chosen in product(*values))
-    return [write_out_variants(each, variants) for each in filled]
-
-
-def write_out_variants(label: str, variants: Mapping[str, str]) -> str:
-    """Return the label with its variants written out; "ekf-ci [any]", as tables have it, is "ekf-ci[any]"."""
-    match = re.fullmatch(r"([^\[\]]*)\[([^\[\]]*)\]", label)
-    if match is None:
-        return label
-    written = [item.strip() for item in match[2].split(",")]
-    for item in written:
-        if "=" not in item and item not in variants:
-            known = nearest(item, list(variants)) if variants else "give it in the study's [variants]"
-            raise BadInput(f"{label!r}: {item!r} is neither name=value nor a variant of the study; {known}")
-    return f"{match[1].rstrip()}[{','.join(variants.get(item, item) for item in written)}]"
-
-
-def _swept_values(inside: str, label: str) -> list[str]:
-    """Return the values of a list, or of first..last or first..last..step in exact decimals."""
-    if ".." not in inside:
-        return [value.strip() for value in inside.split(",")]
-    try:
-        first, last, *step = numbers = [Decimal(part) for part in inside.split("..")]
-        (by,) = step or [Decimal(1)]
-        if any(abs(number.adjusted()) > 30 for number in numbers if number):
-            raise ValueError("out of all bounds")
-        steps = (last - first) / by if by > 0 else Decimal(-1)
-        fits = 0 <= steps < MOST_LABELS
-    except (ArithmeticError, ValueError):
-        raise BadInput(f"cannot read {{{inside}}} in {label!r}: write first..last or first..last..step") from None
-    if not fits:
-        held = f"{max(0, steps + 1):.12g} values, and at most {MOST_LABELS} are allowed"
-        raise BadInput(f"{{{inside}}} in {label!r} holds {held}; it must rise, by a step above 0")
-    return [f"{(first + k * by).normalize():f}" for k in range(int(steps) + 1)]
 
 
 Labels = tuple[str, ...]
@@ -251,7 +202,7 @@ def load(which: str, including: tuple[str, ...] = ()) -> Study:
     elif not path.is_file():
         raise BadInput(f"there is no file {which}; check its path, or name a shipped study (cooploc list studies)")
     try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
+        content = tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except (ValueError, RecursionError) as e:  # not TOML, not UTF-8, or arrays nested too deeply
         raise BadInput(f"{which} is not a TOML file: {e}") from None
     study = _validate({"name": path.name.removesuffix(".toml"), **content}, which)

@@ -130,7 +130,21 @@ def test_every_command_is_a_function_too():
     assert {functions.get(name, name) for name in commands if name != "list"} <= set(cl.__all__)
 
 
-@pytest.mark.parametrize("read", [cl.load_run, cl.show, cl.report, cl.verdicts, lambda run: cl.compare_runs(run, run)])
+@pytest.mark.parametrize("read", [cl.load_run, cl.report, cl.verdicts, lambda run: cl.compare_runs(run, run)])
 def test_what_is_no_run_is_refused_in_one_line(read):
     with pytest.raises(cl.BadInput, match=r"a run is given by its directory, .* not as int"):
         read(3)
+
+
+def test_a_sweep_in_braces_is_several_estimators_wherever_names_are_listed():
+    stream = cl.simulate("trajectory[ticks=2]")[1]
+    labels = ["arl", "mrsl-rssi[particles=10]", "mrsl-rssi[particles=20]"]
+    for listed in (["arl", "mrsl-rssi[particles={10,20}]"], "arl, mrsl-rssi[particles={10,20}]"):
+        assert list(cl.run(listed, stream).traces) == labels
+    with pytest.raises(cl.BadInput, match="a single value"):
+        cl.run({"mine": "mrsl-rssi[particles={10,20}]"}, stream)
+
+
+def test_a_parameter_is_called_as_in_labels_or_as_in_the_table():
+    for label, named in (("scalability", {"n": 2}), ("scalability", {"robots": 2}), ("scalability[n=2]", {})):
+        assert cl.simulate(label, **named)[1].robots == 2

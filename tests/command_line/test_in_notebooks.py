@@ -5,6 +5,7 @@ import sys
 from contextlib import chdir
 from types import SimpleNamespace
 
+import pandas as pd
 import pytest
 
 import cooploc as cl
@@ -55,6 +56,11 @@ def test_progress_is_one_output_that_is_empty_at_the_end_or_says_how_to_go_on(mo
         (lambda: cl.run_study("quick", estimators=["arl", Raises]), "%%writefile mine.py"),
         (lambda: cl.tune("quick", estimators={"mine": "arl"}), "a study takes estimators by name"),
         (lambda: cl.plot.rmse("runs"), "the table that cl.errors returns"),
+        (lambda: cl.verdicts(pd.DataFrame({"claim": [1]})), "the table that cl.errors returns"),
+        (lambda: cl.show(3), "this is of type int: cl.show prints"),
+        (lambda: cl.run([], None), "the second argument is a NoneType"),
+        (lambda: cl.run({}, cl.simulate("trajectory[ticks=1]")[1]), "there is no estimator to run"),
+        (lambda: cl.run("arl", cl.simulate("trajectory[ticks=1]")[1], jobs="2"), "it must be a whole number"),
     ],
 )
 def test_a_mistake_is_one_line(call, said):
@@ -83,7 +89,7 @@ def test_what_a_function_returned_is_shown_as_the_command_line_does(capsys):
     assert "trajectory[ticks=4]: 3 robots, 6 trials" in capsys.readouterr().out
     cl.show(cl.verdicts(errors))
     assert "Not run at all" in capsys.readouterr().out
-    with pytest.raises(cl.BadInput, match="no other table"):
+    with pytest.raises(cl.BadInput, match="this is another table"):
         cl.show(errors)
 
 

@@ -69,6 +69,8 @@ def test_a_terminal_leaves_out_empty_columns_and_folds_and_drops_others_where_it
     lines = [line.split() for line in folded.split("\n")]
     assert [["mark"] in lines, ["more", "RMSE", "95", "%"] in lines, ["x<y"] in lines] == [True] * 3
     assert lines.count(["z"]) == 2
+    long = {**ROWS[0], COLUMNS[0].keys[0]: "density=exact,M=1,K=1,weights=exact", "more": "z"}
+    assert "density=exact,M=1,K=1," in printed(Table("t", "", columns, [long]), 46).split()
     before = number_column("cost\nbefore", "rmse", form=metres, priority=1)
     pair = before, number_column("cost\nafter", "rmse", form=metres, second_line=True, priority=1)
     assert "not shown at this width: cost\n" in printed(Table("t", "", (*COLUMNS, *pair), ROWS), 34)

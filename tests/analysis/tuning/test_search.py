@@ -19,7 +19,7 @@ from cooploc.analysis.tuning.search import (
     trial_scores,
 )
 from cooploc.estimators import configure
-from cooploc.estimators.registry import parse
+from cooploc.estimators.label_syntax import parse
 from cooploc.estimators.tunable import Tunable
 
 

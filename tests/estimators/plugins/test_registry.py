@@ -7,7 +7,7 @@ import pytest
 
 import cooploc as cl
 from cooploc import estimators, scenarios
-from cooploc.estimators import registry
+from cooploc.estimators import label_syntax, registry
 from cooploc.estimators.arl import Arl
 
 
@@ -30,8 +30,8 @@ def test_parameters_are_written_the_same_everywhere():
         ("arl[anchor_reading=gps]", "estimator 'arl', anchor_reading: "),
         ("arl[particles=1]", "particles is 1; it must be at least 2"),
         ("arl[particles]", "write name=value"),
-        ("arl[particles=1", "write it like mrsl-rssi[particles=500,K=1]"),
-        (3, "cannot read 3; write it like mrsl-rssi[particles=500,K=1]"),
+        ("arl[particles=1", "write it like name[parameter=value,other=value]"),
+        (3, "cannot read 3; write it like name[parameter=value,other=value]"),
         ("arl[uses=x]", "has no parameter 'uses'"),
         ("Mine=own.py:Mine", "'Mine' cannot be a name: write small letters, digits, hyphens, as in mine=own.py:Mine"),
         ("=own.py:Mine", "'' cannot be a name"),
@@ -56,8 +56,8 @@ def test_what_cannot_be_made_is_refused_with_the_remedy(written, said):
     ],
 )
 def test_a_name_in_front_of_a_file_is_what_readers_see(label, name, shown):
-    assert registry.parse(label)[0] == name
-    assert registry.shorten_labels(f"best: {label}, arl") == f"best: {shown}, arl"
+    assert label_syntax.parse(label)[0] == name
+    assert label_syntax.shorten_labels(f"best: {label}, arl") == f"best: {shown}, arl"
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,8 @@ import pytest
 
 import cooploc as cl
 from cooploc import scenarios
+from cooploc.estimators.label_syntax import expand
 from cooploc.scenarios.studies import study
-from cooploc.scenarios.studies.study import expand
 
 
 @pytest.mark.parametrize("name", study.names())
@@ -61,6 +61,11 @@ def test_a_sweep_that_cannot_be_read_says_so(label, words):
         expand(label, {"plain": "M=1,K=1"})
     assert words in str(refusal.value)
     assert label in str(refusal.value)
+
+
+def test_a_file_that_an_editor_began_with_a_byte_order_mark_is_read(tmp_path):
+    (tmp_path / "mine.toml").write_text(GOOD, encoding="utf-8-sig")
+    assert study.load(str(tmp_path / "mine.toml")).baseline == "arl"
 
 
 GOOD = 'baseline = "arl"\nscenarios = ["trajectory"]\nestimators = ["arl"]\n'
