@@ -183,10 +183,7 @@ class EkfJoint:
         Each reading is gated alone, against the belief before all of them.
         """
         if self.engine == "batched" and isinstance(sensor, Range) and sensor.loss == "none":
-            x, P = s.x.copy(), joint.square(s.P.copy())
-            settings = sensor.R.item(), self.gate, self.second_order, self.iterations
-            d2 = joint_kernels.join_ranges(x, P, readings[..., 0], *settings)
-            return _count_distances(_set_belief(s, x, P), d2, self.gate, True)
+            return self._add_ranges(s, sensor.R.item(), np.ascontiguousarray(readings[..., 0]))
         shift, extra = np.zeros(1), np.zeros((1, 1))
         if self.second_order and isinstance(sensor, Range):
             blocks = s.P[:, :, :2, :, :2].swapaxes(2, 3)  # (t, n, n, 2, 2)
@@ -206,6 +203,17 @@ class EkfJoint:
                 d2 = joint_kernels.distances(joint.square(s.P), linear)
             at = self._add(s, d2 <= self.gate, linear, last=k == self.iterations - 1)
         return _count_distances(at, d2, self.gate, True)
+
+    def _add_ranges(self, s: State, variance: float, z: Array) -> State:
+        """Do what `_update_together` does with ranges z (t, n, n), by two compiled loops."""
+        P, x = joint.square(s.P), joint.flat(s.x)
+        d2, shift, noise = joint_kernels.gate_ranges(x, P, z, variance, self.second_order)
+        use, at, P1 = d2 <= self.gate, x, P
+        for k in range(self.iterations):
+            eta, Lambda = joint_kernels.range_information(x, at, z, use, shift, noise)
+            step, P1 = joint.add_information(P, eta, Lambda, last=k == self.iterations - 1)
+            at = x + step
+        return _count_distances(_set_belief(s, at, P1), d2, self.gate, True)
 
     def _restart(self, s: State) -> State:
         """Restart the most refused robot of a trial, if lost, anywhere in the arena, uncorrelated."""
@@ -252,16 +260,8 @@ class EkfJoint:
         return at
 
     def _add(self, s: State, use: Mask, readings: joint_kernels.LinearReadings, last: bool = True) -> State:
-        """P' = (P^-1 + H'R^-1 H)^-1,  x' = x + P' H'R^-1 y, over the readings that `use` allows.
-
-        Before the `last` iteration P' is not needed.
-        """
-        P = joint.square(s.P)
-        if self.engine == "batched" and not last:
-            eta, Lambda = joint_kernels.information(use, readings)
-            step = np.linalg.solve(np.eye(P.shape[-1]) + P @ Lambda, P @ eta[..., None])[..., 0]
-            return _set_belief(s, joint.flat(s.x) + step, P)
-        step, P = joint.solve_together(self.engine, P, use, readings)
+        """P' = (P^-1 + H'R^-1 H)^-1,  x' = x + P' H'R^-1 y, over the readings that `use` allows."""
+        step, P = joint.solve_together(self.engine, joint.square(s.P), use, readings, last)
         return _set_belief(s, joint.flat(s.x) + step, P)
 
     def _update(self, s: State, y: Array, at: Mapping[int, Array], R: Array) -> State:

@@ -99,7 +99,9 @@ def dense(at: Mapping[int, Array], robots: int) -> Array:
 
 def linear_readings(y: Array, H_i: Array, H_j: Array, R: Array) -> LinearReadings:
     """Return linearised readings y (t, n, m, k) with a noise R that broadcasts to (t, n, m, k, k)."""
-    return y, H_i, H_j, np.ascontiguousarray(np.broadcast_to(R, (*y.shape, y.shape[-1])))
+    whole = np.empty((*y.shape, y.shape[-1]))
+    whole[...] = R
+    return y, H_i, H_j, whole
 
 
 def linear_fixed(y: Array, H: Array, R: Array) -> LinearReadings:
@@ -107,10 +109,12 @@ def linear_fixed(y: Array, H: Array, R: Array) -> LinearReadings:
     return linear_readings(y[:, :, None], H[:, :, None], np.zeros_like(H)[:, :, None], R)
 
 
-def solve_together(engine: EngineName, P: Array, use: Mask, readings: LinearReadings) -> tuple[Array, Array]:
+def solve_together(
+    engine: EngineName, P: Array, use: Mask, readings: LinearReadings, last: bool = True
+) -> tuple[Array, Array]:
     """Return P' H'R^-1 y (t, n d) and P' = (P^-1 + H'R^-1 H)^-1 (t, n d, n d) by the readings that `use` allows.
 
-    As (I + P Lambda)^-1 P, which needs no inverse of P; where Lambda is 0 it is P.
+    Before the `last` iteration P' is not needed, and may be P.
     """
     if engine == "filterpy":  # one after the other, as all are linear
         (y, H_i, H_j, R), x = readings, np.zeros(P.shape[:2])
@@ -121,5 +125,16 @@ def solve_together(engine: EngineName, P: Array, use: Mask, readings: LinearRead
             x, P = ENGINES[engine].update(x, P, rest, H, R[:, i, j], np.inf)
         return x, P
     eta, Lambda = information(use, readings)
-    P = symmetric(np.asarray(np.linalg.solve(np.eye(P.shape[-1]) + P @ Lambda, P), float))
+    return add_information(P, eta, Lambda, last)
+
+
+def add_information(P: Array, eta: Array, Lambda: Array, last: bool = True) -> tuple[Array, Array]:
+    """Return P' eta (t, n d) and P' = (P^-1 + Lambda)^-1 (t, n d, n d), which before the `last` iteration is P.
+
+    As (I + P Lambda)^-1 P, which needs no inverse of P; where Lambda is 0 it is P.
+    """
+    A = np.eye(P.shape[-1]) + P @ Lambda
+    if not last:
+        return np.asarray(np.linalg.solve(A, P @ eta[..., None])[..., 0], float), P
+    P = symmetric(np.asarray(np.linalg.solve(A, P), float))
     return (P @ eta[..., None])[..., 0], P

@@ -92,77 +92,59 @@ def range_of(at: Array, i: int, j: int) -> tuple[float, float, float]:
 
 
 @strict_kernel
-def gate_ranges(x, C, z, variance, second_order, d2, shift, noise):
-    """Write each range's squared Mahalanobis distance, and mean shift [m] and variance [m^2] by the second order."""
-    n = len(z)
-    d = len(x) // n
-    for p in range(n):
-        for q in range(n):
-            if p != q and z[p, q] >= TOO_NEAR_TO_RANGE:
-                i, j = p * d, q * d
-                away, u, v = range_of(x, i, j)
-                xx = C[i, i] + C[j, j] - 2 * C[i, j]
-                xy = C[i, i + 1] + C[j, j + 1] - C[i, j + 1] - C[j, i + 1]
-                yy = C[i + 1, i + 1] + C[j + 1, j + 1] - 2 * C[i + 1, j + 1]
-                shift[p, q], noise[p, q] = 0.0, variance
-                if second_order:
-                    far = max(away, TOO_NEAR_TO_RANGE)
-                    a, b = (x[j + 1] - x[i + 1]) / far, (x[i] - x[j]) / far
-                    across = (a * a * xx + 2 * a * b * xy + b * b * yy) / far
-                    shift[p, q], noise[p, q] = across / 2, variance + across**2 / 2
-                y = z[p, q] - away - shift[p, q]
-                d2[p, q] = y * y / (noise[p, q] + u * u * xx + 2 * u * v * xy + v * v * yy)
+def gate_ranges(x, P, z, variance, second_order):
+    """Return squared Mahalanobis distances of ranges, mean shifts [m] and variances [m^2] by the second order.
+
+    Of a team's x (t, n d), P (t, n d, n d) and ranges z; all (t, n, n), nan where a range is absent.
+    """
+    t, n, _ = z.shape
+    d = x.shape[1] // n
+    d2, shift, noise = np.full((t, n, n), np.nan), np.full((t, n, n), np.nan), np.full((t, n, n), np.nan)
+    for s in range(t):
+        at, C = x[s], P[s]
+        for p in range(n):
+            for q in range(n):
+                if p != q and z[s, p, q] >= TOO_NEAR_TO_RANGE:
+                    i, j = p * d, q * d
+                    away, u, v = range_of(at, i, j)
+                    xx = C[i, i] + C[j, j] - 2 * C[i, j]
+                    xy = C[i, i + 1] + C[j, j + 1] - C[i, j + 1] - C[j, i + 1]
+                    yy = C[i + 1, i + 1] + C[j + 1, j + 1] - 2 * C[i + 1, j + 1]
+                    shift[s, p, q], noise[s, p, q] = 0.0, variance
+                    if second_order:
+                        far = max(away, TOO_NEAR_TO_RANGE)
+                        a, b = (at[j + 1] - at[i + 1]) / far, (at[i] - at[j]) / far
+                        across = (a * a * xx + 2 * a * b * xy + b * b * yy) / far
+                        shift[s, p, q], noise[s, p, q] = across / 2, variance + across**2 / 2
+                    y = z[s, p, q] - away - shift[s, p, q]
+                    d2[s, p, q] = y * y / (noise[s, p, q] + u * u * xx + 2 * u * v * xy + v * v * yy)
+    return d2, shift, noise
 
 
 @strict_kernel
-def join_ranges(x, P, z, variance, gate, second_order, iterations):
-    """x' = x + (P^-1 + H'R^-1 H)^-1 H'R^-1 (y + H (x^ - x)),  P' = (P^-1 + H'R^-1 H)^-1, in place.
-
-    Return the gate's squared Mahalanobis distances (t, n, n), nan where a range is absent.
-    """
-    t, n, d = x.shape
-    d2 = np.full((t, n, n), np.nan)
-    shift, noise = np.empty((n, n)), np.empty((n, n))
-    before, at, step = np.empty(n * d), np.empty(n * d), np.empty((n * d, 1))
+def range_information(x, at, z, use, shift, noise):
+    """Return what `information` does, by ranges z (t, n, n) of x (t, n d), linearised `at` (t, n d)."""
+    t, n, _ = z.shape
+    d = x.shape[1] // n
+    eta, Lambda = np.zeros((t, n * d)), np.zeros((t, n * d, n * d))
     for s in range(t):
-        for a in range(n * d):  # numbers one by one here: numba takes seconds to compile sums and slices of arrays
-            before[a] = at[a] = x[s, a // d, a % d]
-        gate_ranges(before, P[s], z[s], variance, second_order, d2[s], shift, noise)
-        for k in range(iterations):
-            eta, Lambda = np.zeros(n * d), np.zeros((n * d, n * d))
-            for p in range(n):
-                for q in range(n):
-                    if d2[s, p, q] <= gate:
-                        i, j = p * d, q * d
-                        away, u, v = range_of(at, i, j)
-                        y = z[s, p, q] - away - shift[p, q] + u * (at[i] - before[i] - at[j] + before[j])
-                        y += v * (at[i + 1] - before[i + 1] - at[j + 1] + before[j + 1])
-                        for c, h in ((0, u), (1, v)):
-                            g = h / noise[p, q]
-                            eta[i + c] += g * y
-                            eta[j + c] -= g * y
-                            for b, f in ((0, u), (1, v)):
-                                Lambda[i + c, i + b] += g * f
-                                Lambda[j + c, j + b] += g * f
-                                Lambda[i + c, j + b] -= g * f
-                                Lambda[j + c, i + b] -= g * f
-            A, moved = P[s] @ Lambda, P[s] @ eta
-            for a in range(n * d):
-                A[a, a] += 1.0
-                step[a, 0] = moved[a]
-            if k + 1 < iterations:
-                step_within = np.linalg.solve(A, step)
-                for a in range(n * d):
-                    at[a] = before[a] + step_within[a, 0]
-            else:
-                C = np.linalg.solve(A, P[s])
-                for a in range(n * d):
-                    for b in range(n * d):
-                        P[s, a, b] = (C[a, b] + C[b, a]) / 2
-                moved = P[s] @ eta
-                for a in range(n * d):
-                    x[s, a // d, a % d] = before[a] + moved[a]
-    return d2
+        for p in range(n):
+            for q in range(n):
+                if use[s, p, q]:
+                    i, j = p * d, q * d
+                    away, u, v = range_of(at[s], i, j)
+                    y = z[s, p, q] - away - shift[s, p, q] + u * (at[s, i] - x[s, i] - at[s, j] + x[s, j])
+                    y += v * (at[s, i + 1] - x[s, i + 1] - at[s, j + 1] + x[s, j + 1])
+                    for c, h in ((0, u), (1, v)):
+                        g = h / noise[s, p, q]
+                        eta[s, i + c] += g * y
+                        eta[s, j + c] -= g * y
+                        for b, f in ((0, u), (1, v)):
+                            Lambda[s, i + c, i + b] += g * f
+                            Lambda[s, j + c, j + b] += g * f
+                            Lambda[s, i + c, j + b] -= g * f
+                            Lambda[s, j + c, i + b] -= g * f
+    return eta, Lambda
 
 
 @strict_kernel

@@ -109,7 +109,7 @@ def load_row(x, d, logw, r, row):
 def add_anchors(row, box, r, anchors, links):
     """Add row r of `anchors`, with the particles' box and scratch for the links that were heard."""
     places, readings, A, slope, unit = anchors
-    far, near, ln_unit = 0, 0, np.log(unit)
+    far, near, ln_unit = np.int64(0), np.int64(0), np.log(unit)  # a literal 0 would be compiled as a type of its own
     for a in range(len(places)):
         z = readings[r, a]
         if not np.isnan(z):
@@ -134,7 +134,7 @@ def add_teammate_rows(x, d, logw, heard, out):
 def add_teammates(row, r, heard, links):
     """Add row r of `teammates`, with scratch for the links that were heard."""
     packets, readings, ranged, A, slope, unit, gain = heard
-    far, near, ln_unit = 0, 0, np.log(unit)
+    far, near, ln_unit = np.int64(0), np.int64(0), np.log(unit)  # a literal 0 would be compiled as a type of its own
     box = np.nan, np.nan, np.nan, np.nan  # no link is far from such a box
     if len(links) >= MANY and not ranged:
         (west, east), (south, north) = extent(row.X), extent(row.Y)
