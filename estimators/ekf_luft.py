@@ -81,7 +81,7 @@ class EkfLuft:
             linear = kalman.linearise(sensor, s.x[:, i], s.x[:, j], heard)
             P_ij = s.sigma[:, i, j], s.sigma[:, j, i].mT
             y, H_i, H_j = kalman.soften_pair(sensor, *linear, s.P[:, i], s.P[:, j], *P_ij)
-            linear = y.copy(), np.concatenate([H_i, H_j], -1), np.ascontiguousarray(sensor.R)
+            linear = y.copy(), np.concatenate([H_i, H_j], -1), sensor.R.copy()
             update = update_pair if self.engine == "filterpy" else meet
             used = np.asarray(update(s.x, s.P, s.sigma, i, j, linear, self.gate))
             kalman.count(sent, i, asked, 0)

@@ -5,7 +5,16 @@ import numpy as np
 from cooploc.estimators import kalman_kernels
 from cooploc.estimators.compiled import strict_kernel
 from cooploc.estimators.interface import Array, Mask
-from cooploc.estimators.kalman_kernels import fill_product, fill_sum, is_known, is_seen, joseph, solve, whiten
+from cooploc.estimators.kalman_kernels import (
+    absorb_row,
+    fill_product,
+    fill_sum,
+    is_known,
+    is_seen,
+    joseph,
+    solve,
+    whiten,
+)
 from cooploc.estimators.models import NEAR, TOO_NEAR_TO_RANGE
 
 # Linearised readings of robot j by robot i; for fixed things m is 1 instead of n, and H_j is 0:
@@ -438,27 +447,45 @@ def limit_correlation(A: Array, B: Array, C: Array) -> Array:
 
     They are the singular values of M = B^-1/2 C' A^-1/2', needed only where LIMIT^2 I - M' M is not definite.
     """
-    half, M = C.copy(), np.empty_like(C)
-    whiten(A.copy(), half)
-    M[:] = half.T
-    whiten(B.copy(), M)
-    room = LIMIT**2 * np.eye(len(C)) - M.T @ M
-    whiten(room, np.empty((len(C), 0)))
-    if room[-1, -1] > 0:  # nan if an earlier pivot was not
+    d = len(C)
+    half_A, half_B, M, rest = np.empty((d, d)), np.empty((d, d)), np.empty((d, d)), np.empty((d, d))
+    for a in range(d):
+        for b in range(d):
+            half_A[a, b], half_B[a, b], rest[a, b] = A[a, b], B[a, b], C[a, b]
+    whiten(half_A, rest)
+    for a in range(d):
+        for b in range(d):
+            M[a, b] = rest[b, a]
+    whiten(half_B, M)
+    for a in range(d):
+        for b in range(d):
+            rest[a, b] = LIMIT**2 if a == b else 0.0
+            for c in range(d):
+                rest[a, b] -= M[c, a] * M[c, b]
+    whiten(rest, np.empty((d, 0)))
+    if rest[d - 1, d - 1] > 0:  # nan if an earlier pivot was not
         return C
     u, correlation, v = np.linalg.svd(M)
-    cut = np.linalg.cholesky(B) @ (u * np.minimum(correlation, LIMIT)) @ v @ np.linalg.cholesky(A).T
-    return np.ascontiguousarray(cut.T)
+    for a in range(d):
+        for b in range(d):
+            u[a, b] *= min(correlation[b], LIMIT)
+            if b > a:
+                half_A[a, b] = half_B[a, b] = 0.0
+    fill_product(half_B, u, M)
+    fill_product(M, v, rest)
+    fill_product(half_A, rest.T, M)
+    return M
 
 
 @strict_kernel
-def carry(x: Array, P: Array, sigma: Array, step: Array, P1: Array) -> None:
-    """x += step,  sigma_k = P' P^-1 sigma_k for the cross terms with all others,  P = P'."""
-    factor = np.linalg.solve(P, np.ascontiguousarray(P1)).T
-    x += step
-    P[:] = P1
+def carry(P, P1, sigma, A, B):
+    """sigma_k = P' P^-1 sigma_k for the cross terms (n, d, d) with all others; A and B (d, d) are scratch."""
+    fill_sum(1.0, P, 0.0, P, A)
+    fill_sum(1.0, P1, 0.0, P1, B)
+    solve(A, B)
     for k in range(len(sigma)):
-        sigma[k] = factor @ sigma[k]
+        fill_product(B.T, sigma[k], A)
+        fill_sum(1.0, A, 0.0, A, sigma[k])
 
 
 @strict_kernel
@@ -468,26 +495,32 @@ def meet(x, P, sigma, i, j, reading, gate):
     x (t, n, d), P (t, n, d, d), sigma (t, n, n, d, d) with P_ij = sigma_ij sigma_ji'; reading y (t, k), H (t, k, 2 d),
     R (k, k).
     """
-    t, _, d = x.shape
-    used = np.zeros(t, np.bool_)
-    J, one = np.empty((2 * d, 2 * d)), np.eye(2 * d)
+    (y, H, R), (t, _, d), k = reading, x.shape, reading[0].shape[1]
+    used, both, J, J1 = np.zeros(t, np.bool_), np.empty(2 * d), np.empty((2 * d, 2 * d)), np.empty((2, d, d))
+    S, B, A, cross = np.empty((k, k)), np.empty((k, 2 * d + 1)), np.empty((2 * d, 2 * d)), np.empty((2, d, d))
     for s in range(t):
-        y, H, R = reading[0][s], reading[1][s], reading[2]
-        if np.isnan(y).any() or np.isnan(H).any():
+        if not is_known(y[s], H[s], R):
             continue
-        J[:d, :d], J[d:, d:] = P[s, i], P[s, j]
-        J[:d, d:] = limit_correlation(P[s, i], P[s, j], sigma[s, i, j] @ sigma[s, j, i].T)
-        J[d:, :d] = J[:d, d:].T
-        S = H @ J @ H.T + R
-        if y @ np.linalg.solve(S, y.reshape(-1, 1)).T[0] <= gate:
-            used[s] = True
-            K = np.linalg.solve(S, H @ J).T
-            rest, step = one - K @ H, K @ y
-            J1 = rest @ J @ rest.T + K @ R @ K.T
-            J1 = (J1 + J1.T) / 2
-            carry(x[s, i], P[s, i], sigma[s, i], step[:d], J1[:d, :d])
-            carry(x[s, j], P[s, j], sigma[s, j], step[d:], J1[d:, d:])
-            sigma[s, i, j], sigma[s, j, i] = J1[:d, d:], np.eye(d)
+        fill_product(sigma[s, i, j], sigma[s, j, i].T, cross[0])
+        limited = limit_correlation(P[s, i], P[s, j], cross[0])
+        for a in range(d):
+            both[a], both[d + a] = x[s, i, a], x[s, j, a]
+            for b in range(d):
+                J[a, b], J[d + a, d + b] = P[s, i, a, b], P[s, j, a, b]
+                J[a, d + b] = J[d + b, a] = limited[a, b]
+        used[s] = absorb_row(both, J, y[s], H[s], R, gate, S, B, A)
+        if not used[s]:
+            continue
+        for a in range(d):
+            x[s, i, a], x[s, j, a] = both[a], both[d + a]
+            for b in range(d):
+                J1[0, a, b], J1[1, a, b] = J[a, b], J[d + a, d + b]
+        carry(P[s, i], J1[0], sigma[s, i], cross[0], cross[1])
+        carry(P[s, j], J1[1], sigma[s, j], cross[0], cross[1])
+        for a in range(d):
+            for b in range(d):
+                P[s, i, a, b], P[s, j, a, b] = J1[0, a, b], J1[1, a, b]
+                sigma[s, i, j, a, b], sigma[s, j, i, a, b] = J[a, d + b], 1.0 if a == b else 0.0
     return used
 
 

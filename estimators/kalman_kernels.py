@@ -115,7 +115,7 @@ RANGE, RSSI, SIGHTING = range(3)  # kinds of readings between a pose and a place
 
 @strict_kernel
 def absorb_row(x, P, y, H, R, gate, S, B, A):
-    """Update x (d,), P (d, d) in place by y (k,), H (k, d), R (k, k), unless the gate refuses it.
+    """Update x (d,), P (d, d) in place by y (k,), H (k, d), R (k, k), and return True, unless the gate refuses it.
 
     Scratch: S (k, k), B (k, d + 1), A (d, d).
     """
@@ -136,11 +136,12 @@ def absorb_row(x, P, y, H, R, gate, S, B, A):
     for i in range(k):
         far += y[i] * B[i, d]
     if not far <= gate:
-        return
+        return False
     for i in range(k):
         for a in range(d):
             x[a] += B[i, a] * y[i]
     joseph(P, H, B, R, A, P)
+    return True
 
 
 @strict_kernel
