@@ -262,8 +262,9 @@ def _part(Pi, copy, before, takes):
             while before[copy[i]] != before[i] or takes[copy[i]] != takes[i]:
                 copy[i] += 1
             if copy[i] == i:
-                for j in range(len(Pi)):
-                    Pi[i, j] = Pi[before[i], j]
+                new, old = Pi[i].reshape(-1), Pi[before[i]].reshape(-1)
+                for c in range(len(new)):  # one by one: numba takes seconds to compile a copy of an array
+                    new[c] = old[c]
 
 
 @strict_kernel

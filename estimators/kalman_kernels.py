@@ -33,7 +33,9 @@ def fill_definite(P: Array, out: Mask) -> None:
     d = P.shape[1]
     C, nothing = np.empty((d, d)), np.empty((d, 0))
     for s in range(len(P)):
-        C[:] = P[s]
+        for a in range(d):
+            for b in range(d):
+                C[a, b] = P[s, a, b]
         whiten(C, nothing)
         out[s] = C[d - 1, d - 1] > 0
 
