@@ -263,11 +263,11 @@ def plan(study: str | Path, *, difference: float = 0.1, **how: Any) -> pd.DataFr
         how: seed, estimators, jobs, data, out, isolate: as of `run_study`.
 
     Raises:
-        BadInput: the study cannot be run as it stands, or the difference is not above 0.
+        BadInput: the study cannot be run as it stands, or the difference is not above 0 or exceeds 1.
 
     """
-    if not difference > 0:
-        raise BadInput(f"difference is {difference}; it must lie above 0, such as 0.1 for 10 %")
+    if not 0 < difference <= 1:
+        raise BadInput(f"difference is {difference}; it must lie above 0, and at most at 1: 0.1 is 10 %")
     pilot = run_study(study, trials=PILOT, **how)
     cost, distance = trial_seconds(pilot.rows), float(np.log1p(difference))
     what = ["scenario", "estimator", "baseline", "change"]

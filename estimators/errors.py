@@ -21,10 +21,15 @@ class BadInput(ValueError):
         return [*places_of_user(self), f"{type(self).__name__}: {self}"]
 
 
+MOST = 30  # names in a message
+
+
 def nearest(name: str, known: list[str]) -> str:
-    """Return the end of an error message: the nearest known name, or all of them."""
-    close = get_close_matches(name, known, n=1, cutoff=0.5)
-    return f"did you mean {close[0]!r}?" if close else f"known are {', '.join(known)}" if known else "it has none"
+    """Return the end of an error message: the nearest known name, or all of them, or where they are many some."""
+    if close := get_close_matches(name, known, n=1, cutoff=0.5):
+        return f"did you mean {close[0]!r}?"
+    more = f" and {len(known) - MOST} more (cooploc list)" * (len(known) > MOST)
+    return f"known are {', '.join(known[:MOST])}{more}" if known else "it has none"
 
 
 PLAIN_WORDS = {  # of pydantic's kinds of errors
