@@ -7,7 +7,7 @@ A team is a folder with a file for each robot, or a folder with one; what differ
 - `NAME.csv` has a header, and what `cooploc inspect` takes for `stamp`, `x`, `y` and `heading`, by their names: `time`,
   `theta`, `yaw`, quaternions, units (`x [mm]`, `heading_deg`), as EuRoC or MATLAB's `writetable` write it. It may have
   the covariance's `xx`, `xy`, `yy`, `xh`, `yh`, `hh` (or `Pxx`, `Pxy`, ...). Commas, semicolons or tabs part fields.
-  One file may have all robots, with a column `robot`.
+  One file may have all robots, with a column `robot`, or with columns for each (`red_x`, `blue_x`).
 - `NAME.cov.txt` beside either may have the covariances, a line `stamp xx xy yy` [m^2], the upper triangle of the
   position's, or `stamp xx xy xh yy yh hh` [m^2, m rad, rad^2], of position and heading h, at the stamps of the poses.
 - `covariances.npz` may have them for all robots: an array `NAME` (T, 3, 3) or (T, 2, 2), at the stamps of the poses.
@@ -23,7 +23,7 @@ Source: the TUM RGB-D benchmark, J. Sturm et al., IROS 2012.
 
 import re
 import zipfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from itertools import product
 from pathlib import Path
 from typing import NamedTuple
@@ -43,7 +43,7 @@ from cooploc.scenarios.recordings.inspect.columns import (
     infer_columns,
     infer_delimiter,
 )
-from cooploc.scenarios.recordings.inspect.naming import SI, file_pattern, name_meaning
+from cooploc.scenarios.recordings.inspect.naming import SI, columns_of_robots, file_pattern, name_meaning
 from cooploc.scenarios.recordings.schema import UNITS
 from cooploc.scenarios.recordings.text_files import (
     TextTable,
@@ -188,14 +188,30 @@ def _read_triangles(path: Path, stamp: Array) -> Array:
     return _covariances(_from_triangle(triangle.values[:, 1:]), triangle)
 
 
-def _columns_of(path: Path, text: str, delimiter: str) -> tuple[list[str], dict[str, Guess]]:
-    """Return the names of a CSV file's columns, and what the first ones of each quantity mean."""
+def _read_csv(path: Path) -> dict[str, Trajectory]:
+    """Read a CSV file by its header, by robot where a column names several, or where each has columns of its own."""
+    text = read_text(path)
+    delimiter = infer_delimiter([line for line in text.split("\n") if line.strip()])
+    patterns, robots = columns_of_robots(split_fields(text, delimiter)[0])
+    found = {}
+    for robot in robots:
+        named = {column: pattern for column, pattern in patterns.items() if pattern.replace("{robot}", robot) == column}
+        found[robot] = _read_columns(path, text, delimiter, {*patterns} - {*named}, named)[""]
+    return found or _read_columns(path, text, delimiter)
+
+
+def _columns_of(
+    path: Path, text: str, delimiter: str, others: Collection[str] = ()
+) -> tuple[list[str], dict[str, Guess]]:
+    """Return the names of a CSV file's columns, but for those of `others`, and what the first of each quantity mean."""
     head, _, rows = split_fields(text, delimiter)
     whole = [fields for _, fields in rows if len(fields) == len(head)]
     if not whole or len({*head}) < len(head):
         fault = f"two columns have one name: {', '.join(head)}" if whole else f"it has no line of {len(head)} fields"
         raise BadInput(f"{path}: {fault}; correct the file")
     columns = dict(zip(head, map(parse_fields, zip(*whole, strict=True)), strict=True))
+    head = [name for name in head if name not in others]
+    columns = {name: columns[name] for name in head}
     numbers = {name: np.where(np.isinf(values), np.nan, values) for name, values in columns.items()}
     own = {guess.quantity: guess for guess in reversed(infer_columns(CsvTable(path.name, delimiter, numbers)))}
     for quantity, name in NEEDED.items():
@@ -205,16 +221,20 @@ def _columns_of(path: Path, text: str, delimiter: str) -> tuple[list[str], dict[
     return head, own
 
 
-def _read_csv(path: Path) -> dict[str, Trajectory]:
-    """Read a CSV file by its header, by robot where a column names several; of eight columns without one as TUM."""
-    text = read_text(path)
-    delimiter = infer_delimiter([line for line in text.split("\n") if line.strip()])
-    head, own = _columns_of(path, text, delimiter)
+def _read_columns(
+    path: Path, text: str, delimiter: str, others: Collection[str] = (), patterns: Mapping[str, str] | None = None
+) -> dict[str, Trajectory]:
+    """Read the columns of a CSV file but for `others`, by robot; eight columns without names as TUM.
+
+    In `patterns`, the names of one robot's columns, {robot} stands for its own.
+    """
+    head, own = _columns_of(path, text, delimiter, others)
     if head == [*"12345678"]:
         return {"": _poses_of_tum(_drop_unknown(read_lines(path, head, (), delimiter), len(head)))}
     turned, needed = own.get("heading"), [own[quantity] for quantity in NEEDED]
     turns = (turned.quaternion or (turned.column,)) if turned else ()
-    named = {re.sub("^p(?=[xyh]{2}$)", "", name.lower()): name for name in head}
+    words = {name: (patterns or {}).get(name, name).replace("{robot}", "").strip("_. ").lower() for name in head}
+    named = {re.sub("^p(?=[xyh]{2}$)", "", word): name for name, word in words.items()}
     triangle = [(k, named[key]) for k, key in enumerate(COVARIANCES[3][1:]) if key in named]
     whose = [own["robot"].column] if "robot" in own else []
     wanted = (*(guess.column for guess in needed), *turns, *(name for _, name in triangle))

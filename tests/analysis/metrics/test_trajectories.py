@@ -419,6 +419,13 @@ def one_file(folder):
     return folder / "all.csv"
 
 
+def columns_of_each(folder):
+    table = pd.read_csv(one_file(folder)).pivot(index="time", columns="robot")
+    table.columns = [f"{robot}_{quantity}" for quantity, robot in table.columns]
+    table.reset_index().to_csv(folder / "wide.csv", index=False)
+    return folder / "wide.csv"
+
+
 def test_a_file_of_several_robots_stands_alone(team, tmp_path):
     shutil.copytree(team / "mine", tmp_path / "mine")
     one_file(tmp_path / "mine").rename(tmp_path / "mine/red.csv")
@@ -440,8 +447,8 @@ def other_names(folder):
     return folder
 
 
-@pytest.mark.parametrize("form", [one_file, folders, other_names])
-def test_a_team_is_one_file_with_a_column_of_robots_or_folders_or_files_named_otherwise(team, tmp_path, form):
+@pytest.mark.parametrize("form", [one_file, columns_of_each, folders, other_names])
+def test_a_team_is_one_file_or_folders_or_files_named_otherwise(team, tmp_path, form):
     for name in ("truth", "mine"):
         shutil.copytree(team / name, tmp_path / name)
     found, _ = judge_trajectories(form(tmp_path / "truth"), {"mine": form(tmp_path / "mine")})
