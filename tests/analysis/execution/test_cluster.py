@@ -33,8 +33,9 @@ class Cluster:
     def __init__(self, folder, plugins):
         self.folder, self.variables, self.begun = folder, environment(plugins), []
         self._begin("scheduler", "--host", "127.0.0.1", "--port", "0", "--scheduler-file", "scheduler.json")
-        until((folder / "scheduler.json").exists)
-        self.address = json.loads((folder / "scheduler.json").read_text())["address"]
+        said = folder / "scheduler.json"
+        until(lambda: said.exists() and said.read_text().rstrip().endswith("}"))  # Dask writes into it as it stands
+        self.address = json.loads(said.read_text())["address"]
 
     def join(self):
         name = f"worker-{len(self.begun)}"
