@@ -394,11 +394,7 @@ def split_row(x, Pd, Pi, y, H, Rd, Ri, w, gate, keep):
         for b in range(len(R)):
             wide_R[a, b] = Rd[a, b] / (1 - w) if w < 1 else 0.0
             R[a, b] = wide_R[a, b] + Ri[a, b]
-    kalman_kernels.absorb_row(x, P, y, H, R, gate, S, B, A)
-    used = False
-    for a in range(len(P)):
-        for b in range(len(P)):
-            used = used or wide_d[a, b] + Pi[a, b] != P[a, b]
+    used = absorb_row(x, P, y, H, R, gate, S, B, A)
     if used:
         fill_product(H, P, K)
         solve(R, K)
