@@ -162,9 +162,11 @@ def _batched_predict(P: Array, F: Array, Q: Array) -> Array:
 
 def _batched_update(x: Array, P: Array, y: Array, H: Array, R: Array, gate: float) -> tuple[Array, Array]:
     d, k = H.shape[-1], H.shape[-2]
-    x, P = x.copy(), P.copy()
-    rows = readable(y).reshape(-1, k), _rows(H, H.shape), _rows(R, (*y.shape, k))
-    kalman_kernels.update(x.reshape(-1, d), P.reshape(-1, d, d), *rows, gate)
+    x, P, y, H = (np.array(part, order="C") for part in (x, P, y, H))  # absorb_row is compiled once, for own arrays
+    noise = np.empty((*y.shape, k))
+    noise[...] = R
+    rows = x.reshape(-1, d), P.reshape(-1, d, d), y.reshape(-1, k), H.reshape(-1, k, d), noise.reshape(-1, k, k)
+    kalman_kernels.update(*rows, gate)
     return x, P
 
 

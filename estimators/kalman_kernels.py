@@ -166,20 +166,9 @@ def update(x, P, y, H, R, gate):
     """Update x (r, d), P (r, d, d) in place by y (r, k), H (r, k, d), R (r, k, k), as `kalman` does."""
     d, k = H.shape[2], H.shape[1]
     S, B, A = np.empty((k, k)), np.empty((k, d + 1)), np.empty((d, d))
-    e, J, N = (
-        np.empty(k),
-        np.empty((k, d)),
-        np.empty((k, k)),
-    )  # copies: absorb_row is compiled once, for arrays that can be written to
     for r in range(len(x)):
         if is_known(y[r], H[r], R[r]):
-            for i in range(k):
-                e[i] = y[r, i]
-                for c in range(d):
-                    J[i, c] = H[r, i, c]
-                for j in range(k):
-                    N[i, j] = R[r, i, j]
-            absorb_row(x[r], P[r], e, J, N, gate, S, B, A)
+            absorb_row(x[r], P[r], y[r], H[r], R[r], gate, S, B, A)
 
 
 @strict_kernel
