@@ -101,7 +101,9 @@ def read_team(place: Path, robots: Sequence[str] = (), method: str = TRUTH) -> T
     if len(robots) == len(found) == 1:  # whatever its name
         found = dict(zip(robots, found.values(), strict=True))
     for robot in [robot for robot in robots if robot not in found]:
-        raise BadInput(f"{place}: robot {robot!r} has no trajectory; {nearest(robot, list(files or found))}")
+        raise BadInput(
+            f"{place}: robot {robot!r} has no trajectory; {nearest(robot, list({**files, **found} if len(files) > 1 else found or files))}"
+        )
     return found
 
 
@@ -213,7 +215,10 @@ def _columns_of(
     head = [name for name in head if name not in others]
     columns = {name: columns[name] for name in head}
     numbers = {name: np.where(np.isinf(values), np.nan, values) for name, values in columns.items()}
-    own = {guess.quantity: guess for guess in reversed(infer_columns(CsvTable(path.name, delimiter, numbers)))}
+    guesses = infer_columns(CsvTable(path.name, delimiter, numbers))
+    if len(several := {guess.side == TRUTH: guess.column for guess in guesses if guess.quantity == "x"}) == 2:
+        raise BadInput(f"{path} has {several[True]} of the truth and {several[False]}: write a file of each")
+    own = {guess.quantity: guess for guess in reversed(guesses)}
     for quantity, name in NEEDED.items():
         if quantity not in own:
             remedy = "write their names above: stamp,x,y,heading" if head[0] == "1" else "name one so"

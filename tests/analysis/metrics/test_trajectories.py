@@ -455,3 +455,19 @@ def test_a_team_is_one_file_or_folders_or_files_named_otherwise(team, tmp_path, 
     files, _ = judge_trajectories(team / "truth", {"mine": team / "mine"})
     assert found["name"].tolist() == files["name"].tolist()
     np.testing.assert_allclose(found[["rmse", "heading"]], files[["rmse", "heading"]], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("names", "said"),
+    [
+        (("gt", "est"), "has gt_x of the truth and est_x: write a file of each"),
+        (("ekf", "pf"), "robot 'truth' has no trajectory; known are ekf, pf"),
+    ],
+)
+def test_one_file_of_several_paths_of_a_robot_is_refused(tmp_path, names, said):
+    t, x = true_path(0)
+    pd.DataFrame({"t": t, "x": x[:, 0], "y": x[:, 1]}).to_csv(tmp_path / "truth.csv", index=False)
+    paths = {f"{name}_{axis}": x[:, k] for name in names for k, axis in enumerate("xy")}
+    pd.DataFrame({"t": t, **paths}).to_csv(tmp_path / "mine.csv", index=False)
+    with pytest.raises(cl.BadInput, match=said):
+        judge_trajectories(tmp_path / "truth.csv", {"mine": tmp_path / "mine.csv"})
