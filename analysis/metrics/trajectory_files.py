@@ -100,10 +100,9 @@ def read_team(place: Path, robots: Sequence[str] = (), method: str = TRUTH) -> T
     found = read_files(named) if files else _read_bag(place, robots, method)
     if len(robots) == len(found) == 1:  # whatever its name
         found = dict(zip(robots, found.values(), strict=True))
+    known = list(files) if len(files) > 1 else list(found)
     for robot in [robot for robot in robots if robot not in found]:
-        raise BadInput(
-            f"{place}: robot {robot!r} has no trajectory; {nearest(robot, list({**files, **found} if len(files) > 1 else found or files))}"
-        )
+        raise BadInput(f"{place}: robot {robot!r} has no trajectory; {nearest(robot, known)}")
     return found
 
 
