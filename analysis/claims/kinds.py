@@ -149,10 +149,12 @@ def decide_all(
         verdict, chance = "supported", for_all
     elif refuted:
         verdict, chance = "contradicted", against
-    else:  # trials until one case is decided against the claim, or all are for it
+    else:  # trials until one case is decided against the claim, also after Holm, or all are for it
         verdict, chance = "undecided", float(np.fmin(for_all, against))
-        each = np.array([f.needed if f.verdict == "undecided" else f.trials for f in outside or found], float)
-        needed = float(np.fmin.reduce(each)) if outside else float(each.max())
+        away = [(f, max(low - f.interval.value, f.interval.value - high)) for f in outside]
+        against_it = [trials_to_exclude(f.interval, f.trials, distance, len(found)) for f, distance in away]
+        for_it = [f.needed if f.verdict == "undecided" else f.trials for f in found]
+        needed = float(np.fmin.reduce(against_it) if outside else np.max(for_it))
     return found[worst]._replace(verdict=verdict, needed=needed, p=chance, scenario=scenario, than=than)
 
 

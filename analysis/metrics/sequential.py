@@ -25,7 +25,7 @@ import pandas as pd
 from scipy.special import ndtri, stdtr
 
 from cooploc.analysis.metrics.errors import CELL, trial_means
-from cooploc.analysis.metrics.statistics import LEAST_TRIALS, MARGIN, Interval, Stopping, Z, holm, quantile
+from cooploc.analysis.metrics.statistics import LEAST_TRIALS, LEVEL, MARGIN, Interval, Stopping, holm, quantile
 from cooploc.estimators.interface import Array
 
 C2 = 4.0  # c^2: an effect of half a standard deviation is expected; b is smallest near 70 trials
@@ -181,14 +181,15 @@ ROUNDS = 8  # of n = f(b(n))
 POWER = float(ndtri(0.8))  # a planned number of trials succeeds in 4 of 5 repetitions
 
 
-def trials_to_exclude(interval: Interval, n: int, distance: float) -> float:
+def trials_to_exclude(interval: Interval, n: int, distance: float, tests: int = 1) -> float:
     """Return the trials whose interval would, in 4 of 5 repetitions, exclude a value this far away; nan without one.
 
-    n = ((z + z_0.8) s / distance)^2 + z^2 / 2 (Guenther 1981).
+    n = ((z + z_0.8) s / distance)^2 + z^2 / 2 (Guenther 1981), with Bonferroni's z of the first of so many tests.
     """
     if not distance > 0:
         return np.nan
-    return _trials(((Z + POWER) * _deviation(interval, n) / distance) ** 2 + Z * Z / 2)
+    z = -float(ndtri((1 - LEVEL) / 2 / tests))
+    return _trials(((z + POWER) * _deviation(interval, n) / distance) ** 2 + z * z / 2)
 
 
 def trials_until_decided(interval: Interval, n: int, distance: float) -> float:

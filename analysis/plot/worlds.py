@@ -66,7 +66,8 @@ def world(
         ax.plot(*own[: tick + 1].T, color=colour, lw=1.2, zorder=2)
         ax.plot(*own[np.isfinite(own[:, 0])][:1].T, "o", color=colour, mfc="white", ms=5, zorder=6)
         ax.plot(*own[tick], "o", color=colour, ms=7, label=f"robot {i}" if path.shape[1] <= 8 else None, zorder=6)
-    ax.plot([], [], color=BLOCKED, linestyle="solid", label="something in the way")
+    if scene is not None and (scene.robot_blockers.any() or scene.anchor_blockers.any()):
+        ax.plot([], [], color=BLOCKED, linestyle="solid", label="something in the way")
     style.finish(ax, "x [m]", "y [m]", f"{stream.scenario}, trial {trial}, seed {seed}, tick {tick}")
     style.add_legend(ax, fontsize="x-small", bbox_to_anchor=(0.0, -0.09), ncols=4)
     return ax

@@ -33,7 +33,7 @@ class PlainConsole(Console):
 
 
 PIPED, UNLIMITED = 100, 400  # characters that a table may be wide in a file or a pipe; with every column
-OF_A_CELL = 90  # in a notebook
+OF_A_CELL = 100  # in a notebook
 
 
 def make_console(stderr: bool = False, every: bool = False) -> Console:

@@ -11,7 +11,7 @@ from scipy.stats import norm
 
 import cooploc as cl
 from cooploc.analysis.claims import verdicts
-from cooploc.analysis.claims.kinds import FALLS, decide
+from cooploc.analysis.claims.kinds import FALLS, decide, decide_all
 from cooploc.analysis.claims.ledger import load, read, variants
 from cooploc.analysis.claims.verdicts import DECIDED, adjust, judge, overview, verdict_sentence
 from cooploc.analysis.metrics.statistics import FIXED, holm
@@ -193,6 +193,16 @@ def sweep(a):
 def test_all_is_decided_by_its_worst_case(a, expected, where):
     found = verdict(sweep(a), **SWEEP)
     assert (found["verdict"], found["scenario"], found["than"]) == (expected, where, "b")
+
+
+def test_a_case_that_is_decided_alone_but_not_after_holm_needs_more_trials():
+    rng = np.random.default_rng(7)
+    pairs = [np.exp(rng.normal([0.0, 0.2 * (k == 0)], 0.5, (40, 2))) for k in range(6)]
+    p = [FIXED.p_above(*pair.T, 1.0) for pair in pairs]
+    found = decide_all(pairs, [(str(k), "") for k in range(6)], FALLS, p)
+    assert FIXED.change(*pairs[0].T).low > 0
+    assert found.verdict == "undecided"
+    assert 40 < found.needed < 200
 
 
 @pytest.mark.parametrize(("later", "expected"), [(0.5, "supported"), (0.9, "direction only"), (1.4, "contradicted")])

@@ -4,6 +4,7 @@ import dataclasses
 import re
 
 import broken
+import cloudpickle
 import honest
 import pytest
 
@@ -102,6 +103,16 @@ def test_what_does_not_run_or_does_not_repeat_itself_is_not_checked_further():
 @pytest.mark.parametrize("cls", honest.HONEST)
 def test_an_honest_estimator_with_unusual_habits_is_not_accused(cls):
     report = check_estimator(cls(), seed=0)
+    assert report.passed, report.table()
+
+
+@pytest.mark.slow
+def test_a_class_of_a_notebook_with_a_state_of_its_own_is_not_accused():
+    cloudpickle.register_pickle_by_value(honest)  # classes travel with their code, as those of a notebook do
+    try:
+        report = check_estimator(honest.SendsEveryThirdTick(), seed=0)
+    finally:
+        cloudpickle.unregister_pickle_by_value(honest)
     assert report.passed, report.table()
 
 
