@@ -13,6 +13,7 @@ import pickle
 import random
 from collections import Counter
 from collections.abc import Callable
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 from types import FunctionType
@@ -249,7 +250,7 @@ class Harness:
 
     def run(self, stream: Stream, when: str, estimator: Any = None, watch: Watcher | None = None) -> RunRecord:
         """Run the estimator, or another in its place; `when` says what was changed, if anything: "no packets"."""
-        packets: list[Array] = []
+        sent: list[Any] = []
         at: tuple[str, int] = "init", -1
         t, _, n = stream.senses.dt.shape
 
@@ -258,7 +259,7 @@ class Harness:
             at = method, tick
             result = watch(method, tick, arguments, call) if watch else call(*arguments)
             if method == "send":
-                packets.append(np.array(result, float).reshape(t, n, -1))
+                sent.append(copy(result))  # the runner says what is wrong with it
             return result
 
         self.runs += 1
@@ -274,7 +275,7 @@ class Harness:
             tick = f"at tick {at[1]} of" if at[1] >= 0 else "before the first tick of"
             where = f"{at[0]}() raised {tick} {stream.scenario!r}{varied}"
             raise CheckFailed(f"{where}: {one_line(e)}{place_of(e)}", remedy_of(one_line(e))) from e
-        return RunRecord(found, tuple(packets), stream)
+        return RunRecord(found, tuple(np.asarray(one, float).reshape(t, n, -1) for one in sent), stream)
 
     def require_same(
         self, base: RunRecord, stream: Stream, when: str, robots: Mask | bool = True, ticks: int | None = None
@@ -353,12 +354,12 @@ def determinism(harness: Harness) -> str:
         harness.run(stream.select([0]).first_ticks(3), "another, shorter stream came before")
         harness.require_same(base, stream, "another run came before")
         try:
-            copy = pickle.loads(cloudpickle.dumps(harness.estimator))
+            other = pickle.loads(cloudpickle.dumps(harness.estimator))
         except Exception as e:
             fault = f"it cannot be pickled, so it cannot run in parallel: {one_line(e)}"
             raise CheckFailed(fault, "make it a frozen dataclass, its parameters plain values") from e
         when = "it ran after a round trip through pickle"
-        require_equal(base, harness.run(stream, when, estimator=copy), when)
+        require_equal(base, harness.run(stream, when, estimator=other), when)
     return "it ran again, after other runs, with other global seeds and after pickling: the same bits"
 
 

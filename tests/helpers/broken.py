@@ -90,6 +90,11 @@ class NotFinite(DeadReckoning):
         return Belief(np.where(s.x > 3.0, s.x, np.nan), s.P)
 
 
+class SendsNone(DeadReckoning):
+    def send(self, s, z):
+        return None
+
+
 class OldInterface(DeadReckoning):
     api: ClassVar[int] = 0
 

@@ -31,6 +31,7 @@ NAMES = [
 GALLERY = [
     (broken.NotFinite(), "runs", "not finite in 'robots-1-3/n=3.*trial 0, tick 0, robot"),
     (broken.OldInterface(), "runs", "written for interface 0"),
+    (broken.SendsNone(), "runs", r"send\(\) returned None at tick 0: did you forget its return\?"),
     (broken.UnknownChannel(), "runs", "needs channel 'telepathy'; scenario 'robots.*; scenario 'camera"),
     (broken.Crashes(), "runs", r"correct\(\) raised at tick 0 of 'robots.*TypeError: unsupported.* \(broken.py:\d+\)"),
     (broken.IgnoresAbsence(), "runs", "not finite in .*some readings absent', trial 0, tick 1, robot 0"),
