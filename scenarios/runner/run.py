@@ -16,8 +16,8 @@ import numpy as np
 
 from cooploc.estimators import configure, is_builtin, make, split_labels
 from cooploc.estimators.adapters import Adapter
-from cooploc.estimators.building import ConfiguredEstimator, adapt, is_plain
-from cooploc.estimators.errors import BadInput, message
+from cooploc.estimators.building import ConfiguredEstimator, build
+from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array, Indices, Rows
 from cooploc.estimators.label_syntax import expand
 from cooploc.scenarios import BUILTIN, process, resolve, seeds
@@ -190,16 +190,7 @@ def make_instance(estimator: Any) -> Any:
     """Make an estimator of a name or of a class; return an instance as it is."""
     if isinstance(estimator, str):
         return make(estimator)
-    if not isinstance(estimator, type):
-        return estimator
-    name = estimator.__name__
-    if is_plain(estimator):
-        return adapt(name, estimator)
-    try:
-        return estimator()
-    except (Exception, SystemExit, GeneratorExit) as e:  # a constructor may fail in any way
-        remedy = f"pass an instance, {name}(...)" if hasattr(estimator, "init") else WRAP
-        raise BadInput(f"{name} cannot be made without arguments ({message(e)}): {remedy}") from e
+    return build(estimator.__name__, estimator, {}) if isinstance(estimator, type) else estimator
 
 
 def make_estimator(given: Any, where: str, isolate: bool = False) -> Any:

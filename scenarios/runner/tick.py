@@ -82,8 +82,10 @@ def select_channels(name: str, uses: tuple[str, ...], stream: Stream) -> set[str
             used.add(found)
         elif not wish.endswith("?"):
             needed = " or ".join(repr(channel) for channel in options)
-            there, close = ", ".join(sorted(has)), get_close_matches(options[0], [*WORDS, "odometry", *has], n=1)
-            meant = f"; did you mean {close[0]!r}?" if close and close[0] != options[0] else ""
+            known = {*WORDS, "odometry", *has}
+            close = [one for some in (has, known) for one in get_close_matches(options[0], sorted(some), n=1)]
+            meant = f"; did you mean {close[0]!r}?" if close and options[0] not in known else ""
+            there = ", ".join(sorted(has))
             raise IncompatibleEstimator(
                 f"{name} needs channel {needed}; scenario {stream.scenario!r} has {there}{meant}"
             )

@@ -73,10 +73,14 @@ def test_names_classes_instances_lists_and_mappings_become_instances(given, name
     ("given", "stream", "words"),
     [
         (["arl", "arl"], STREAM, "two estimators are called 'arl': give them names, {'arl': ..., 'other': ...}"),
-        (Tuned, STREAM, "Tuned cannot be made without arguments (gain is missing): pass an instance, Tuned(...)"),
-        ({"mine": Loop}, STREAM, "a filter written for one robot is wrapped by cl.PerRobot"),
+        (Tuned, STREAM, "Tuned cannot be made without arguments (TypeError: gain is missing); give its parameters"),
+        (
+            {"mine": Loop},
+            STREAM,
+            "Loop has no predict and no correct: a filter of one robot has predict(z) and correct(z)",
+        ),
         ({"mine": 3}, STREAM, "'mine' is of type int, not an estimator: give a name, a class or an instance"),
-        (type("Empty", (), {}), STREAM, "Empty has no method of an estimator: a filter of one robot has predict(z)"),
+        (type("Empty", (), {})(), STREAM, "Empty has no method of an estimator: a filter of one robot has predict(z)"),
         (Half, STREAM, "estimator Half lacks predict(), correct(), send(), fuse()"),
         (STREAM, "arl", "second argument is a str, not a Stream: write truth, stream = cl.simulate"),
         ("arl", (TRUTH, STREAM), "second argument is a tuple, not a Stream: write truth, stream = "),
