@@ -105,6 +105,12 @@ def _sources(
     return found
 
 
+def source_of(label: str) -> str:
+    """Return what `plugins` calls the source of an estimator: the path of its file, or its name."""
+    name = configure(label).name
+    return name.rpartition(":")[0] if is_file(name) else name
+
+
 def plugin_statements(name: str) -> dict[str, str]:
     """Return what the source of a plug-in estimator states: `licence`, `cites` and `trained_on`."""
     if is_file(name):
@@ -179,8 +185,7 @@ def check_plugins(
     """Check the plug-in estimators of a run that were not checked in their present version."""
     held = manifest["certificates"]
     for label in dict.fromkeys(label for cell in manifest["cells"].values() for label in cell["estimators"]):
-        name = configure(label).name
-        place = name.rpartition(":")[0] if is_file(name) else name
+        name, place = configure(label).name, source_of(label)
         if place not in manifest["files"] or (is_file(name) and not Path(place).exists()):
             continue
         source = {place: manifest["files"][place], **manifest["imports"][place]}

@@ -78,7 +78,8 @@ def rerun(embedded: dict[str, Any], trials: int, data: Path | None = None, trust
     files = list(dict.fromkeys(name.rpartition(":")[0] for name in named if is_file(name)))
     if files and not trust:
         raise BadInput(
-            f"this would run code that the report names, in {' and '.join(files)}: read it, then repeat with --trust"
+            f"this would run code that the report names, in {' and '.join(files)}: read it, then repeat with --trust, "
+            "in Python trust=True"
         )
     for label in {one["estimator"] for wanted in drawn.values() for one in wanted}:
         make(label)  # an unknown name is bad input, not a failed trial

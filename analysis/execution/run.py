@@ -112,7 +112,7 @@ def execute(
     """
     watcher, directory, wanted = progress or Silent(), RunDir(out), trials_of_cells(study)
     with make_workers(jobs, scheduler, isolate) as compute, directory.lock():
-        directory.open(make_manifest(study, isolate))
+        directory.open(make_manifest(study, isolate), watcher.say)
         manifest = directory.manifest
         for line in lines_about(manifest["recordings"]):
             watcher.say(line)

@@ -11,7 +11,7 @@ import math
 import os
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import partial
 from itertools import islice
 from os import PathLike
@@ -25,15 +25,17 @@ import pyarrow.parquet as pq
 from filelock import FileLock, Timeout
 from pydantic import ValidationError
 
-from cooploc.analysis.execution.provenance import add_certificates
+from cooploc.analysis.execution.provenance import add_certificates, source_of
 from cooploc.analysis.metrics.errors import NOTE
 from cooploc.analysis.metrics.sequential import Decision, looks
 from cooploc.estimators.errors import BadInput, nearest
-from cooploc.estimators.label_syntax import shorten_labels
+from cooploc.estimators.label_syntax import parse, shorten_labels
+from cooploc.scenarios.scenario import split_family
 from cooploc.scenarios.studies.study import Study
 
 FORMAT = 3  # of the JSON files
 MANIFEST, DECISIONS, PARTS, RECEIPTS = "manifest.json", "decisions.json", "parts", "receipts"
+REPLACED = "replaced"  # parts of estimators whose source was changed since, by the hash of the old one
 NEEDED = ("study", "cells", "seed", "data", "scenarios", "streams", "versions", "source", "commit", "cpu")
 MUST_MATCH = {  # in a run that goes on, and what the error says where it differs
     "seed": "another seed",
@@ -47,6 +49,7 @@ MUST_AGREE = {  # where both name the same thing
     "imports": "results of {} with other versions of what it imports",
     "scenarios": "another scenario {!r}",
 }
+OF_PLUGINS = ("files", "imports")
 TEXT = ("scenario", "estimator", "stream", "senses", "failure", "traceback")  # columns
 AT_ONCE = 200  # parts that are joined together
 PART_NAME = re.compile(r"(.+--[0-9a-f]{8}--)(\d{5,9})-(\d{5,9})\.parquet")
@@ -169,15 +172,36 @@ class RunDir:
                 f"another run is writing to {self.path}: wait for it, or name another by --out, in Python out="
             ) from None
 
-    def open(self, manifest: dict[str, Any]) -> None:
-        """Begin a run, or continue that of the same settings."""
+    def open(self, manifest: dict[str, Any], say: Callable[[str], None] = lambda line: None) -> None:
+        """Begin a run, or continue that of the same settings; parts of estimators that were changed are set aside."""
         for folder in (".", PARTS, RECEIPTS):
             for left in (self.path / folder).glob(".*.tmp"):  # of a process that was killed
                 left.unlink()
-        found = self.manifest
-        self.write_manifest(_continue_manifest(self.path, found, manifest) if found else manifest)
+        if found := self.manifest:
+            for name in _changed_plugins(found, manifest):
+                place = self._replace(found, name)
+                both = "to compare both versions, give each a directory of its own (--out, in Python out=)"
+                say(f"{name} was changed: its results are computed again, those of before went to {place}; {both}")
+            manifest = _continue_manifest(self.path, found, manifest)
+        self.write_manifest(manifest)
         for folder in (PARTS, RECEIPTS):
             (self.path / folder).mkdir(exist_ok=True)
+
+    def _replace(self, found: dict[str, Any], name: str) -> Path:
+        """Set aside the parts of a plug-in's estimators and what they decided, and forget its version; return where."""
+        place = self.path / REPLACED / str(found["files"][name])[:8]
+        place.mkdir(parents=True, exist_ok=True)
+        for scenario, cell in found["cells"].items():
+            for label in cell["estimators"]:
+                stem = PartKey(scenario, label, range(0)).stem
+                for folder in (PARTS, RECEIPTS) if source_of(label) == name else ():  # parts first: a part counts
+                    for file in (self.path / folder).glob(f"{stem}*"):
+                        file.replace(place / file.name)
+        with suppress(FileNotFoundError):
+            (self.path / DECISIONS).replace(place / DECISIONS)
+        for key in OF_PLUGINS:
+            found[key].pop(name, None)
+        return place
 
     def write_manifest(self, manifest: dict[str, Any]) -> None:
         """Replace the manifest."""
@@ -272,6 +296,19 @@ def _refuse_foreign(folder: Path) -> None:
     if all(file.name in begun or file.name.startswith(f".{MANIFEST}.") for file in there):
         return
     raise BadInput(f"{folder} exists and is not a run directory; name another directory")
+
+
+def _changed_plugins(found: dict[str, Any], asked: dict[str, Any]) -> list[str]:
+    """Return the sources of estimators that are not as they were, unless worlds come from the same file."""
+    worlds = {split_family(parse(label)[0])[0] for label in asked["cells"]}
+    worlds |= {world.rpartition(":")[0] for world in worlds}
+    ours = {source_of(label) for cell in asked["cells"].values() for label in cell["estimators"]} - worlds
+    changed = []
+    for name in sorted(ours & {*asked["files"]}):
+        now = [asked[key][name] for key in OF_PLUGINS]
+        if [found[key].get(name, one) for key, one in zip(OF_PLUGINS, now, strict=True)] != now:
+            changed.append(name)
+    return changed
 
 
 def _continue_manifest(folder: Path, found: dict[str, Any], asked: dict[str, Any]) -> dict[str, Any]:

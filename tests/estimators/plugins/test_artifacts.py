@@ -1,6 +1,7 @@
 """What an estimator learned is part of what it is: hashed with its source, and tables say what it was trained on."""
 
 import pytest
+from processes import Log
 
 import cooploc as cl
 from cooploc.analysis.execution.run import execute, prepare
@@ -24,11 +25,11 @@ class Plain(DeadReckoning):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("edited", ["weights.npz", "mine.py"])
-def test_a_run_says_it_and_is_not_continued_with_other_weights_or_another_source(tmp_path, edited):
+def test_a_run_says_it_and_computes_again_with_other_weights_or_another_source(tmp_path, edited):
     (tmp_path / "mine.py").write_text(PLUGIN)
     (tmp_path / "weights.npz").write_bytes(b"0.25")
     learned, plain = (f"{tmp_path}/mine.py:{name}" for name in ("Learned", "Plain"))
-    study = Study(name="s", trials=2, scenarios=("robots-1-3/n=1[ticks=3]",), estimators=(learned, plain))
+    study = Study(name="s", trials=2, scenarios=("robots-1-3/n=1[ticks=3]",), estimators=(learned, plain, "arl"))
     for _ in range(2):
         execute(prepare(study), tmp_path / "run", check=False)
     lines = read_run(tmp_path / "run").rows.groupby("estimator")["certificate"].first()
@@ -37,8 +38,14 @@ def test_a_run_says_it_and_is_not_continued_with_other_weights_or_another_source
     assert RunDir(tmp_path / "run").manifest["certificates"][learned]["trained_on"]
     with (tmp_path / edited).open("a") as file:
         file.write("\n")
-    with pytest.raises(cl.BadInput, match=r"run holds results of another version of .*mine\.py"):
-        execute(prepare(study), tmp_path / "run", check=False)
+    before = {file.name: file.read_bytes() for file in (tmp_path / "run/parts").iterdir()}
+    execute(prepare(study), tmp_path / "run", check=False, progress=(log := Log()))
+    assert any("mine.py was changed: its results are computed again" in line for line in log.said)
+    assert log.began == (6, 2)
+    kept = {file.name: file.read_bytes() for file in (tmp_path / "run/replaced").glob("*/*.parquet")}
+    assert kept == {name: content for name, content in before.items() if "mine" in name}
+    rows = read_run(tmp_path / "run").rows
+    assert rows.groupby("estimator")["trial"].nunique().to_dict() == {learned: 2, plain: 2, "arl": 2}
 
 
 def test_training_streams_are_of_the_seed_that_tuning_uses_and_never_of_the_study():
