@@ -9,6 +9,8 @@ from pathlib import Path
 import pytest
 
 import cooploc as cl
+from cooploc.analysis.claims.kinds import KINDS
+from cooploc.analysis.claims.ledger import load
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = [*(ROOT / "docs").rglob("*.md"), ROOT / "README.md", ROOT / "CONTRIBUTING.md"]
@@ -57,6 +59,14 @@ def test_the_readings_in_which_the_claims_hold_are_those_of_the_map():
     for claim, said in (("1", first), ("2", second)):
         number, of = re.search(said, paper).groups()
         assert re.search(rf"\*\*{claim}\.\*\*[^*]* holds in {number} of {of} specifications", found)
+
+
+def test_the_guide_on_claims_has_a_ledger_that_is_read_and_every_kind_with_what_it_needs(tmp_path):
+    guide = (ROOT / "docs/how-to/claims.md").read_text("utf-8")
+    (tmp_path / "mine.toml").write_text(re.search(r"```toml\n(.*?)```", guide, re.DOTALL)[1])
+    assert [claim.kind for claim in load(tmp_path / "mine.toml").claims] == ["change", "consistency"]
+    rows = dict(re.findall(r"^\| `(\w+)` \| .+ \| (.+) \|$", guide, re.MULTILINE))
+    assert rows == {name: ", ".join(sorted(kind.needs)) for name, kind in KINDS.items()}
 
 
 def test_a_citation_is_of_this_version():
