@@ -432,7 +432,7 @@ def show_checks(report: Report) -> None:
 
 
 NOTES = (
-    "  uses: a|b is the first of the two that a scenario has; a? is used where it is there\n"
+    '  uses: of "a or b" the first that a scenario has; a? is used where it is there\n'
     "  with hindsight, from Python alone: cl.Smoother(), offline: neither ranked nor best"
 )
 NAMED = {"published": "to its letter", "best": "at its best"}
@@ -448,9 +448,11 @@ def show_list(kind: str, listed: pd.DataFrame) -> None:
         if kind == "studies":
             shown["takes"] = duration(60 * row["minutes"]) if row["minutes"] > 0 else ""
         notes = [f"({text})" for key, text in ROLES.items() if row.get(key)][:1]
-        notes += [f"{word}: {row[key]}." for key, word in NAMED.items() if row.get(key, row["name"]) != row["name"]]
+        other = {word: row[key] for key, word in NAMED.items() if row.get(key, row["name"]) != row["name"]}
+        notes += [f"{word}: {label.replace(',', ', ')}." for word, label in other.items()]  # it breaks at spaces
         shown["what it is"] = " ".join([row["about"], *notes])
-        shown |= {key: row[key] for key in ("uses", "trials", "seed") if key in row}
+        shown |= {key: row[key] for key in ("trials", "seed") if key in row}
+        shown |= {"uses": row["uses"].replace("|", " or ")} if "uses" in row else {}
         if "streams" in row:
             hashes = {name: [one] if isinstance(one, str) else one for name, one in row["streams"].items()}
             shown["streams"] = ", ".join(f"{name} {' or '.join(some)}" for name, some in hashes.items())
