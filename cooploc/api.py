@@ -170,7 +170,7 @@ def run_study(
         jobs: processes; the result is bit-identical for any number.
         scheduler: the address of a Dask cluster, "tcp://HOST:PORT", whose workers are used instead.
         data: the directory of recordings, for scenarios that need one.
-        out: the run directory; `runs/STUDY-seedN` where not given.
+        out: the run directory; where not given `runs/STUDY-seedN`, of recordings `runs/STUDY-DATA-seedN`.
         check: False leaves estimators unchecked that are not built in.
         retry_failed: True runs every trial again that failed.
         isolate: False keeps everything in this process, for a debugger; else what is not built in has processes of its
@@ -184,7 +184,8 @@ def run_study(
     """
     if trials is not None and max_trials is not None:
         raise BadInput("trials is a fixed number: of a run until decided, give max_trials alone (--max-trials)")
-    asked, folder = _read_study(study, trials if max_trials is None else max_trials, seed, estimators, out)
+    asked = _read_study(study, trials if max_trials is None else max_trials, seed, estimators)
+    folder = Path(out or f"runs/{asked.folder_name(Path(data) if data else None)}")
     until = partial(run_until_decided, ask=[_question_of(ledgers.load(ledger))])
     begin: Callable[..., pd.DataFrame] = execute if max_trials is None else until
     how = {"jobs": jobs, "scheduler": scheduler, "check": check, "retry_failed": retry_failed, "isolate": isolate}
@@ -219,8 +220,8 @@ def _question_of(ledger: ledgers.Ledger) -> Callable[[pd.DataFrame, int], Answer
     return ask
 
 
-def _read_study(study: Any, trials: Any, seed: Any, estimators: Any, out: Any, suffix: str = "") -> tuple[Study, Path]:
-    """Return the study that a call asks for, and its directory, by default `runs/STUDY-seedN` and the suffix."""
+def _read_study(study: Any, trials: Any, seed: Any, estimators: Any) -> Study:
+    """Return the study that a call asks for."""
     named = [] if estimators is None else _list(estimators)
     if isinstance(estimators, Mapping) or not all(isinstance(one, str) for one in named):
         raise BadInput(
@@ -230,8 +231,7 @@ def _read_study(study: Any, trials: Any, seed: Any, estimators: Any, out: Any, s
     only = None if estimators is None else tuple(named)
     if only == ():
         raise BadInput("estimators is empty: name some, or leave it out for the study's")
-    asked = load(str(study)).replace_options(trials=trials, seed=seed, only=only)
-    return asked, Path(out or f"runs/{asked.folder_name}-seed{asked.seed}{suffix}")
+    return load(str(study)).replace_options(trials=trials, seed=seed, only=only)
 
 
 def _compare_with_baselines(rows: pd.DataFrame, baselines: Any, decisions: pd.DataFrame | None) -> pd.DataFrame:
@@ -363,13 +363,14 @@ def tune(
         trials: fresh trials of each scenario in the comparison; the study's where not given.
         seed: the random seed of the comparison, from which that of the search is derived.
         objective: "nll", mean negative log-likelihood of the true position, with a robust cap; or "rmse".
-        out: the directory; `runs/STUDY-seedN-tuned` where not given. The same call goes on with what it holds.
+        out: the directory; where not given that of a run with `-tuned` behind. The same call goes on.
 
     Raises:
         BadInput: the study cannot be tuned as it stands; nothing was computed.
 
     """
-    asked, folder = _read_study(study, trials, seed, estimators, out, suffix="-tuned")
+    asked = _read_study(study, trials, seed, estimators)
+    folder = Path(out or f"runs/{asked.folder_name(Path(data) if data else None)}-tuned")
     how: Any = {"data": Path(data) if data else None, "jobs": jobs, "check": check, "isolate": isolate}
     with TerminalProgress() as progress:
         found = tune_study(asked, folder, budget, objective, progress=progress, **how)

@@ -105,10 +105,12 @@ class Study(BaseModel):
                 raise BadInput(f"{self.name} fixes {key} at {fixed}, not {given[key]}: leave --{key} out")
         return _validate({**self.model_dump(), **given}, f"study {self.name!r}")
 
-    @property
-    def folder_name(self) -> str:
-        """The name as that of a directory, which stays inside the one that it is in."""
-        return re.sub(r"[/\\\x00-\x1f\x7f-\x9f]+", "-", self.name).lstrip(".") or "study"
+    def folder_name(self, data: Path | None = None) -> str:
+        """Return the directory of a run, `STUDY-seedN`, with recordings `STUDY-DATA-seedN`; it stays inside another."""
+        named = "-".join(
+            [self.name.lstrip(".") or "study", *([data.resolve().name] if data else []), f"seed{self.seed}"]
+        )
+        return re.sub(r"[/\\\x00-\x1f\x7f-\x9f]+", "-", named)
 
     def blocks(self) -> list[Block]:
         """Return its own scenarios with their estimators, then the others; defaults are filled in."""

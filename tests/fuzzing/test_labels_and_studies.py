@@ -72,8 +72,8 @@ def test_a_study_is_read_or_refused(tmp_path_factory, changes):
     file.write_text(toml({**SOUND, **changes}), encoding="utf-8", errors="replace")
     study = attempted(load, str(file))
     if isinstance(study, Study):
-        assert "/" not in study.folder_name
-        assert study.folder_name.isprintable() or not study.folder_name.isascii()
+        assert "/" not in study.folder_name()
+        assert study.folder_name().isprintable() or not study.folder_name().isascii()
         attempted(resolve_study, study)
 
 
