@@ -113,7 +113,12 @@ def settings(a: StoredRun, b: StoredRun) -> list[str]:
     lines = [f"{key}: {one[key]} before, {other[key]} after" for key in SETTINGS if one[key] != other[key]]
     lines += [f"{name}: {before} before, {after} after" for name, before, after in version_changes(one, other)]
     worlds = [s for s, p in one["scenarios"].items() if other["scenarios"].get(s, p) != p]
-    return lines + [f"{scenario}: its parameters differ" for scenario in worlds]
+    edited = [name for name, source in one["files"].items() if other["files"].get(name, source) != source]
+    return [
+        *lines,
+        *(f"{s}: its parameters differ" for s in worlds),
+        *(f"{name}: its source differs" for name in edited),
+    ]
 
 
 def sentences(found: pd.DataFrame) -> list[str]:

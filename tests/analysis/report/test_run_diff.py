@@ -99,7 +99,10 @@ def test_below_five_trials_there_is_no_interval(tmp_path, trials, known):
 
 def test_settings_that_differ_are_named(tmp_path):
     a, _ = pair(tmp_path)
+    a = a._replace(manifest={**a.manifest, "files": {"mine.py": "12ab"}})
     other = {"seed": 9, "versions": {"cooploc": "1", "python": "3"}, "scenarios": {"nlos": {"ticks": 11}}}
+    other |= {"files": {"mine.py": "34cd"}}
     assert settings(a, a) == []
     expected = ["seed: 3 before, 9 after", "cooploc: 0 before, 1 after", "nlos: its parameters differ"]
+    expected += ["mine.py: its source differs"]
     assert settings(a, a._replace(manifest={**a.manifest, **other})) == expected
