@@ -60,6 +60,6 @@ def kept_from(rows, folder, experiment="one", **study):
     manifest = {
         **{"format": 1, "study": {"name": "made up", "about": "nothing was run", **study}, "cells": cells, "seed": 3},
         **{"data": None, "scenarios": {scenario: {"ticks": 10} for scenario in cells}, "streams": {}, "cpu": "one"},
-        **{"versions": {"cooploc": "0", "python": "3"}, "source": "abc", "commit": None},
+        **{"versions": {"cooploc": "0", "python": "3"}, "source": "abc", "commit": None, "files": {}},
     }
     return StoredRun(folder, manifest, rows, {})
