@@ -25,9 +25,11 @@ MOST = 30  # names in a message
 
 
 def nearest(name: str, known: list[str]) -> str:
-    """Return the end of an error message: the nearest known name, or all of them, or where they are many some."""
-    if close := get_close_matches(name, known, n=1, cutoff=0.5):
-        return f"did you mean {close[0]!r}?"
+    """Return the end of an error message: known names that begin so, or the nearest; else all, or some of many."""
+    by_lower = {one.lower(): one for one in known}
+    longer = [one for one in by_lower if len(name) > 2 and one.startswith(name.lower())]
+    if close := longer or get_close_matches(name.lower(), by_lower, n=1):
+        return f"did you mean {' or '.join(repr(by_lower[one]) for one in close)}?"
     more = f" and {len(known) - MOST} more (cooploc list)" * (len(known) > MOST)
     return f"known are {', '.join(known[:MOST])}{more}" if known else "it has none"
 

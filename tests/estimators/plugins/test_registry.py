@@ -26,6 +26,8 @@ def test_parameters_are_written_the_same_everywhere():
     ("written", "said"),
     [
         ("arll", "there is no estimator 'arll'; did you mean 'arl'?"),
+        ("mrsl", "there is no estimator 'mrsl'; did you mean 'mrsl-rssi' or 'mrsl-distance'?"),
+        ("EKF-CI", "there is no estimator 'EKF-CI'; did you mean 'ekf-ci'?"),
         ("arl[partcles=3]", "estimator 'arl' has no parameter 'partcles'; did you mean 'particles'?"),
         ("arl[anchor_reading=gps]", "estimator 'arl', anchor_reading: "),
         ("arl[particles=1]", "particles is 1; it must be at least 2"),
