@@ -69,6 +69,17 @@ def test_the_guide_on_claims_has_a_ledger_that_is_read_and_every_kind_with_what_
     assert rows == {name: ", ".join(sorted(kind.needs)) for name, kind in KINDS.items()}
 
 
+def test_the_world_of_the_guide_runs(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    guide = ROOT / "docs/how-to/world.md"
+    Path("office.py").write_text(blocks(guide)[0])
+    (labels,) = re.findall(r"scenarios = (\[.+\])", guide.read_text("utf-8"))
+    Path("office.toml").write_text(f'about = "a"\nscenarios = {labels}\nestimators = ["arl"]\ntrials = 1\n')
+    results = cl.run_study("office.toml")
+    assert results.table["robots"].tolist() == [2, 4, 3]
+    assert len(results.failures) == 0
+
+
 def test_a_citation_is_of_this_version():
     version = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["version"]
     assert f"\nversion: {version}\n" in (ROOT / "CITATION.cff").read_text("utf-8")
