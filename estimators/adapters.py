@@ -273,9 +273,13 @@ class PerRobot(Adapter):
 
     def send(self, s: Objects, z: Senses) -> Array:
         sent = self._call_each(s, "send", lambda robot, _: robot.send() if hasattr(robot, "send") else ())
-        packets = [np.array(packet, float) for packet in sent]
+        remedy = "it must be one axis of numbers, such as np.concatenate([x, P.ravel()])"
+        try:
+            packets = [np.array(packet, float) for packet in sent]
+        except (ValueError, TypeError):
+            raise ValueError(f"send() returned no array of numbers; {remedy}") from None
         if wrong := [packet.shape for packet in packets if packet.ndim != 1]:
-            raise ValueError(f"send() returned shape {wrong[0]}; it must be one axis of numbers")
+            raise ValueError(f"send() returned shape {wrong[0]}; {remedy}")
         widths = {len(packet) for packet in packets}
         if len(widths) > 1:
             raise ValueError(f"send() returned packets of {sorted(widths)} numbers; fill the shorter ones with nan")

@@ -117,19 +117,16 @@ def traits(estimator: Any) -> Traits:
 
 def refusal(estimator: Any) -> str:
     """Return the reason why an estimator does not fit this version of the interface; empty where it does."""
-    uses, cls = getattr(estimator, "uses", None), type(estimator).__name__
+    uses, api, cls = getattr(estimator, "uses", None), getattr(estimator, "api", None), type(estimator).__name__
     if any(isinstance(value, Field) for value in vars(type(estimator)).values()):
         return f"{cls} declares parameters, which it does not get: write @dataclass(frozen=True) above the class"
-    if isinstance(uses, tuple) and all(isinstance(channel, str) for channel in uses):
-        return wrong_version(estimator)
-    unfit = f"uses is {uses!r}: make it a tuple of channel names, such as ('odometry', 'anchor_rssi')"
-    return wrong_version(estimator) or unfit
-
-
-def wrong_version(estimator: Any) -> str:
-    """Return the reason why an estimator's number does not fit this version of the interface; empty where it does."""
-    api = getattr(estimator, "api", None)
-    return "" if api == API else f"it is written for interface {api!r}, this is version {API}: set api = {API}"
+    if api != API:
+        return f"it is written for interface {api!r}, this is version {API}: set api = {API}"
+    if isinstance(uses, tuple | list) and all(isinstance(channel, str) for channel in uses):
+        return ""
+    return (
+        f"uses is {uses!r}: make it a tuple of channel names, such as ('odometry', 'anchor_rssi'), of one ('odometry',)"
+    )
 
 
 def source_of(cls: type) -> str:

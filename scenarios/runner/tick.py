@@ -15,7 +15,7 @@ import numpy as np
 from cooploc.estimators.compiled import readable
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import HEADER, TEAM_PRIOR, Array, Belief, Mail, Mask, Rows, Senses, Traffic, World
-from cooploc.estimators.registry import traits, wrong_version
+from cooploc.estimators.registry import refusal, traits
 from cooploc.scenarios import seeds
 from cooploc.scenarios.stream import Stream
 
@@ -38,7 +38,7 @@ class IncompatibleEstimator(BadInput):
 
 def restrict(name: str, estimator: Any, stream: Stream) -> Stream:
     """Hide everything of a stream that the estimator does not declare."""
-    if reason := wrong_version(estimator):
+    if reason := refusal(estimator):
         raise IncompatibleEstimator(f"{name} cannot run: {reason}")
     try:
         used = select_channels(name, tuple(estimator.uses), stream)

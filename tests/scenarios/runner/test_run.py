@@ -79,6 +79,7 @@ def test_names_classes_instances_lists_and_mappings_become_instances(given, name
             STREAM,
             "Loop has no predict and no correct: a filter of one robot has predict(z) and correct(z)",
         ),
+        (cl.PerRobot(Loop, uses="odometry"), STREAM, "uses is 'odometry': make it a tuple of channel names"),
         ({"mine": 3}, STREAM, "'mine' is of type int, not an estimator: give a name, a class or an instance"),
         (type("Empty", (), {})(), STREAM, "Empty has no method of an estimator: a filter of one robot has predict(z)"),
         (Half, STREAM, "estimator Half lacks predict(), correct(), send(), fuse()"),
