@@ -633,6 +633,7 @@ CAUSES = {  # words of an error -> what to change
     "KeyError": "world.sensors and z.extra hold the channels that `uses` names, and no others",
     "read-only": "inputs are read-only: copy an array before you write to it",
     "shape": "cooploc.estimators.interface has the shape of every array",
+    "attribute 'radio_": "the readings of teammates come with what was heard, in fuse(): mail.range, mail.rssi",
     "needs channel": "name in `uses` what these worlds have: 'a|b' is the first that there is, 'a?' one that may lack",
 }
 CHECKS = {check.__name__.replace("_", "-"): check for check in REMEDIES}  # in the order in which they run

@@ -90,6 +90,13 @@ class NotFinite(DeadReckoning):
         return Belief(np.where(s.x > 3.0, s.x, np.nan), s.P)
 
 
+class LooksForRanges(DeadReckoning):
+    uses: tuple[str, ...] = ("odometry", "radio_range|sighting")
+
+    def fuse(self, s, z, mail):
+        return s._replace(x=s.x + mail.radio_range)
+
+
 class SendsNone(DeadReckoning):
     def send(self, s, z):
         return None

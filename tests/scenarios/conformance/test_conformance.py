@@ -69,6 +69,12 @@ GALLERY = [
 ]
 
 
+def test_an_error_that_is_often_made_has_a_remedy_of_its_own():
+    result = run_check("runs", Harness("mine", broken.LooksForRanges(), seed=0))
+    assert "'Mail' object has no attribute 'radio_range'" in result.detail
+    assert result.remedy.endswith("mail.range, mail.rssi")
+
+
 def named(value):
     return type(value).__name__ if dataclasses.is_dataclass(value) else str(value)[:20]
 
