@@ -192,11 +192,13 @@ class RunDir:
         place = self.path / REPLACED / str(found["files"][name])[:8]
         place.mkdir(parents=True, exist_ok=True)
         for scenario, cell in found["cells"].items():
-            for label in cell["estimators"]:
+            for label in [one for one in cell["estimators"] if source_of(one) == name]:
                 stem = PartKey(scenario, label, range(0)).stem
-                for folder in (PARTS, RECEIPTS) if source_of(label) == name else ():  # parts first: a part counts
+                for folder in (PARTS, RECEIPTS):  # parts first: a part counts
                     for file in (self.path / folder).glob(f"{stem}*"):
                         file.replace(place / file.name)
+                del cell["estimators"][label]
+                found["certificates"].pop(label, None)
         with suppress(FileNotFoundError):
             (self.path / DECISIONS).replace(place / DECISIONS)
         for key in OF_PLUGINS:
