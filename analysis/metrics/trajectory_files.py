@@ -68,6 +68,7 @@ NEEDED = {"time": "stamp", "x": "x", "y": "y"}  # quantities of a CSV file, and 
 TRIANGLE = {d: np.triu_indices(d) for d in (2, 3)}
 LATEST = 1e10  # [s] stamps beyond are in another unit; those of today are below 2e9
 EQUAL = 1e-5  # [s] stamps of a pose and of its covariance differ by less
+TORN = 0.1  # share of poses whose lines of covariances may be torn
 UNIT = 0.01  # a quaternion's length may differ from 1 by so much
 TILTED = 0.5  # cosine of the median angle from z up, below which poses are not those of a robot in the plane
 ROUNDING = 1e-6  # asymmetry of a covariance that is written in text, and 0.001 of it below zero, of its largest entry
@@ -134,7 +135,7 @@ def read_files(files: Mapping[str, Path]) -> dict[str, Trajectory]:
             continue
         one = own[""]
         if (beside := path.with_name(path.stem + COVARIANCE)).exists():
-            one = one._replace(P=_read_triangles(beside, one.stamp))
+            one = _add_triangles(one, beside)
         if path.stem in stored[path.parent]:
             T, P, where = len(one.stamp), stored[path.parent][path.stem], path.parent / STORED
             if P.shape not in ((T, 2, 2), (T, 3, 3)):
@@ -175,18 +176,20 @@ def _heading_of(path: Path, q: Array) -> Array:
     return np.where(q.any(1), np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)), np.nan)
 
 
-def _read_triangles(path: Path, stamp: Array) -> Array:
-    """Read covariances, a line of their upper triangle for each pose."""
-    width = len(path.read_text("utf-8", "replace").rstrip().rpartition("\n")[2].split())
-    triangle = read_table(path, COVARIANCES[3 if width == len(COVARIANCES[3]) else 2], strict=True)
+def _add_triangles(one: Trajectory, path: Path) -> Trajectory:
+    """Add covariances from a file with a line of their upper triangle for each pose; leave out those of torn lines."""
+    lines = (line.partition("#")[0].split() for line in path.read_text("utf-8", "replace").splitlines())
+    first = next(filter(None, lines), [])
+    triangle = read_table(path, COVARIANCES[3 if len(first) == len(COVARIANCES[3]) else 2])
     order = np.argsort(triangle.values[:, 0], kind="stable")
     stamps = triangle.values[order, 0]
-    rows = order[np.searchsorted(stamps, stamp - EQUAL).clip(0, len(stamps) - 1)]
-    if (np.abs(triangle.values[rows, 0] - stamp) > EQUAL).any():
+    rows = order[np.searchsorted(stamps, one.stamp - EQUAL).clip(0, len(stamps) - 1)]
+    absent = np.abs(triangle.values[rows, 0] - one.stamp) > EQUAL
+    if absent.any() and not (triangle.notes and absent.mean() <= TORN):
         poses = path.name.removesuffix(COVARIANCE)
         raise BadInput(f"{path}: its stamps are not those of {poses}: write one line for each pose")
-    triangle = triangle._replace(values=triangle.values[rows], line=triangle.line[rows])
-    return _covariances(_from_triangle(triangle.values[:, 1:]), triangle)
+    P = _covariances(_from_triangle(triangle.values[rows, 1:]), triangle._replace(line=triangle.line[rows]))
+    return one._replace(P=P, notes=(*one.notes, *triangle.notes)).select(~absent)
 
 
 def _read_csv(path: Path) -> dict[str, Trajectory]:

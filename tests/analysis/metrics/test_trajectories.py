@@ -136,6 +136,17 @@ def written(folder, t, x, P, how):
     return folder
 
 
+def test_poses_whose_covariance_is_torn_are_left_out_and_named(honest, tmp_path):
+    t, truth, x, P, _ = honest
+    (tmp_path / "truth").mkdir()
+    write_tum(tmp_path / "truth/red.txt", t, truth)
+    beside = written(tmp_path / "mine", t, x, P, "beside") / "red.cov.txt"
+    beside.write_text("# stamp, then the upper triangle\n" + beside.read_text()[:-30])
+    rows, (note,) = judge_trajectories(tmp_path / "truth", {"mine": tmp_path / "mine"}, axes="body")
+    assert "red.cov.txt, line 601: 5 columns, not 7" in note
+    assert rows["anees"].notna().all()
+
+
 @pytest.mark.parametrize("how", ["beside", "csv", "semicolons", "npz", "bag"])
 def test_covariances_are_read_in_every_form_and_honest_ones_are_consistent(honest, tmp_path, how):
     t, true, x, _, P = honest
