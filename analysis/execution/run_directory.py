@@ -35,7 +35,7 @@ from cooploc.scenarios.studies.study import Study
 
 FORMAT = 3  # of the JSON files
 MANIFEST, DECISIONS, PARTS, RECEIPTS = "manifest.json", "decisions.json", "parts", "receipts"
-REPLACED = "replaced"  # parts of estimators whose source was changed since, by the hash of the old one
+REPLACED = "replaced"  # parts of estimators whose source was changed since, by a hash of the old one
 NEEDED = ("study", "cells", "seed", "data", "scenarios", "streams", "versions", "source", "commit", "cpu")
 MUST_MATCH = {  # in a run that goes on, and what the error says where it differs
     "seed": "another seed",
@@ -178,32 +178,26 @@ class RunDir:
             for left in (self.path / folder).glob(".*.tmp"):  # of a process that was killed
                 left.unlink()
         if found := self.manifest:
-            for name in _changed_plugins(found, manifest):
-                place = self._replace(found, name)
+            old = {name: _forget_plugin(found, name) for name in _changed_plugins(found, manifest)}
+            manifest = _continue_manifest(self.path, found, manifest)  # which may refuse
+            for name, (version, stems) in old.items():
+                place = self.path / REPLACED / version[:8]
                 both = "to compare both versions, give each a directory of its own (--out, in Python out=)"
                 say(f"{name} was changed: its results are computed again, those of before went to {place}; {both}")
-            manifest = _continue_manifest(self.path, found, manifest)
+                self._set_aside(stems, place)
         self.write_manifest(manifest)
         for folder in (PARTS, RECEIPTS):
             (self.path / folder).mkdir(exist_ok=True)
 
-    def _replace(self, found: dict[str, Any], name: str) -> Path:
-        """Set aside the parts of a plug-in's estimators and what they decided, and forget its version; return where."""
-        place = self.path / REPLACED / str(found["files"][name])[:8]
+    def _set_aside(self, stems: Iterable[str], place: Path) -> None:
+        """Move parts, and the decisions that rest on them."""
         place.mkdir(parents=True, exist_ok=True)
-        for scenario, cell in found["cells"].items():
-            for label in [one for one in cell["estimators"] if source_of(one) == name]:
-                stem = PartKey(scenario, label, range(0)).stem
-                for folder in (PARTS, RECEIPTS):  # parts first: a part counts
-                    for file in (self.path / folder).glob(f"{stem}*"):
-                        file.replace(place / file.name)
-                del cell["estimators"][label]
-                found["certificates"].pop(label, None)
+        for stem in stems:
+            for folder in (PARTS, RECEIPTS):  # parts first: a part counts
+                for file in (self.path / folder).glob(f"{stem}*"):
+                    file.replace(place / file.name)
         with suppress(FileNotFoundError):
             (self.path / DECISIONS).replace(place / DECISIONS)
-        for key in OF_PLUGINS:
-            found[key].pop(name, None)
-        return place
 
     def write_manifest(self, manifest: dict[str, Any]) -> None:
         """Replace the manifest."""
@@ -311,6 +305,17 @@ def _changed_plugins(found: dict[str, Any], asked: dict[str, Any]) -> list[str]:
         if [found[key].get(name, one) for key, one in zip(OF_PLUGINS, now, strict=True)] != now:
             changed.append(name)
     return changed
+
+
+def _forget_plugin(found: dict[str, Any], name: str) -> tuple[str, list[str]]:
+    """Remove a plug-in's estimators and version from a manifest; return a hash of it, and the stems of their parts."""
+    stems, version = [], json.dumps([found[key].pop(name, None) for key in OF_PLUGINS], sort_keys=True)
+    for scenario, cell in found["cells"].items():
+        for label in [one for one in cell["estimators"] if source_of(one) == name]:
+            stems.append(PartKey(scenario, label, range(0)).stem)
+            del cell["estimators"][label]
+            found["certificates"].pop(label, None)
+    return hashlib.sha256(version.encode()).hexdigest(), stems
 
 
 def _continue_manifest(folder: Path, found: dict[str, Any], asked: dict[str, Any]) -> dict[str, Any]:

@@ -39,6 +39,9 @@ def test_a_run_says_it_and_computes_again_with_other_weights_or_another_source(t
     with (tmp_path / edited).open("a") as file:
         file.write("\n")
     before = {file.name: file.read_bytes() for file in (tmp_path / "run/parts").iterdir()}
+    with pytest.raises(cl.BadInput, match="run holds a run with another seed"):
+        execute(prepare(study.replace_options(seed=9)), tmp_path / "run", check=False)
+    assert before == {file.name: file.read_bytes() for file in (tmp_path / "run/parts").iterdir()}
     fewer = study.replace_options(only=(plain, "arl"))
     execute(prepare(fewer), tmp_path / "run", check=False, progress=(log := Log()))
     assert any("mine.py was changed: its results are computed again" in line for line in log.said)
