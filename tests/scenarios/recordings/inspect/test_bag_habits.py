@@ -9,6 +9,7 @@ from cooploc.scenarios.recordings.bags import Fields, find_runs, read_topics
 from cooploc.scenarios.recordings.inspect.bag_draft import bag_draft
 from cooploc.scenarios.recordings.inspect.inspection import inspect_recording
 
+pytestmark = pytest.mark.slow  # a second each; test_checks and test_infer_columns are quick
 SECONDS = 30.0
 MOCAP = {"/mocap/red": "/mocap/red", "/mocap/blue": "/mocap/blue"}
 

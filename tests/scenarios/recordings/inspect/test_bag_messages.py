@@ -12,6 +12,7 @@ from cooploc.scenarios.recordings.inspect.inspection import inspect_recording
 from cooploc.scenarios.recordings.inspect.motion import robot_motion
 from cooploc.scenarios.recordings.team_log import metres_on_globe
 
+pytestmark = pytest.mark.slow  # a second each; test_checks and test_infer_columns are quick
 ROBOTS, ORIGIN = ("blue", "red"), (49.0, 8.4)
 DEFINITIONS = {
     "gazebo_msgs/msg/ModelStates": "string[] name\ngeometry_msgs/Pose[] pose\ngeometry_msgs/Twist[] twist",

@@ -13,6 +13,7 @@ from cooploc import BadInput
 from cooploc.scenarios.recordings.inspect.motion import robot_motion
 from cooploc.scenarios.recordings.inspect.naming import match_names
 
+pytestmark = pytest.mark.slow  # a second each; test_checks and test_infer_columns are quick
 ROBOTS = ("red", "blue")
 
 
@@ -189,7 +190,6 @@ HABITS = {
 }
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("habit", HABITS)
 def test_the_team_is_read_from_files_as_others_write_them(tmp_path, habit):
     change, options, rewrite = HABITS[habit]
