@@ -428,8 +428,10 @@ def report(
 
 
 def compare_runs(before: AnyRun, after: AnyRun) -> RunChanges:
-    """Compare two runs, trial by trial where their streams are the same."""
+    """Compare two runs, trial by trial where their streams are the same; BadInput where they are one directory."""
     a, b = read_run(before), read_run(after)
+    if a.folder.resolve() == b.folder.resolve():
+        raise BadInput(f"both runs are {a.folder}: give each a directory of its own by --out, in Python out=")
     table = run_diff.changes(a, b)
     return RunChanges(table, run_diff.settings(a, b), run_diff.sentences(table))
 

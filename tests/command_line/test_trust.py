@@ -1,5 +1,7 @@
 """A run or a report that somebody sent: it runs no code, stays in its directory, and says nothing to the terminal."""
 
+import shutil
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -43,7 +45,8 @@ def sent(tmp_path_factory):
 def test_nothing_but_reproduce_runs_code_that_a_run_names_and_that_asks(sent):
     for command in ("show", "verdicts", "report"):
         assert commanded(command, "run", cwd=sent).returncode == 0
-    assert commanded("compare", "run", "run", cwd=sent).returncode == 0
+    shutil.copytree(sent / "run", sent / "copy")
+    assert commanded("compare", "run", "copy", cwd=sent).returncode == 0
     assert not (sent / "ran").exists()
     refused = commanded("reproduce", "run/report", cwd=sent)
     assert refused.returncode == 2
