@@ -185,7 +185,7 @@ def run_study(
     if trials is not None and max_trials is not None:
         raise BadInput("trials is a fixed number: of a run until decided, give max_trials alone (--max-trials)")
     asked = _read_study(study, trials if max_trials is None else max_trials, seed, estimators)
-    folder = Path(out or f"runs/{asked.folder_name(Path(data) if data else None)}")
+    folder = Path(out or f"runs/{asked.folder_name(data)}")
     until = partial(run_until_decided, ask=[_question_of(ledgers.load(ledger))])
     begin: Callable[..., pd.DataFrame] = execute if max_trials is None else until
     how = {"jobs": jobs, "scheduler": scheduler, "check": check, "retry_failed": retry_failed, "isolate": isolate}
@@ -370,7 +370,7 @@ def tune(
 
     """
     asked = _read_study(study, trials, seed, estimators)
-    folder = Path(out or f"runs/{asked.folder_name(Path(data) if data else None)}-tuned")
+    folder = Path(out or f"runs/{asked.folder_name(data)}-tuned")
     how: Any = {"data": Path(data) if data else None, "jobs": jobs, "check": check, "isolate": isolate}
     with TerminalProgress() as progress:
         found = tune_study(asked, folder, budget, objective, progress=progress, **how)

@@ -98,16 +98,15 @@ def _sources(
     found = {}
     for name, module in sorted(homes.items()):
         if is_file(name):
-            path = Path(name.rpartition(":")[0])
-            found[name.rpartition(":")[0]] = [(path.name, path), *neighbours_of(path)]
+            path = Path(source_key(name))
+            found[source_key(name)] = [(path.name, path), *neighbours_of(path)]
         elif module:
             found[name] = files_of_module(module)
     return found
 
 
-def source_of(label: str) -> str:
-    """Return what `plugins` calls the source of an estimator: the path of its file, or its name."""
-    name = configure(label).name
+def source_key(name: str) -> str:
+    """Return what `plugins` calls the source of an estimator or a world: the path of its file, or its name."""
     return name.rpartition(":")[0] if is_file(name) else name
 
 
@@ -185,7 +184,8 @@ def check_plugins(
     """Check the plug-in estimators of a run that were not checked in their present version."""
     held = manifest["certificates"]
     for label in dict.fromkeys(label for cell in manifest["cells"].values() for label in cell["estimators"]):
-        name, place = configure(label).name, source_of(label)
+        name = configure(label).name
+        place = source_key(name)
         if place not in manifest["files"] or (is_file(name) and not Path(place).exists()):
             continue
         source = {place: manifest["files"][place], **manifest["imports"][place]}

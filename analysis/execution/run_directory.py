@@ -25,7 +25,7 @@ import pyarrow.parquet as pq
 from filelock import FileLock, Timeout
 from pydantic import ValidationError
 
-from cooploc.analysis.execution.provenance import add_certificates, source_of
+from cooploc.analysis.execution.provenance import add_certificates, source_key
 from cooploc.analysis.metrics.errors import NOTE
 from cooploc.analysis.metrics.sequential import Decision, looks
 from cooploc.estimators.errors import BadInput, nearest
@@ -296,9 +296,8 @@ def _refuse_foreign(folder: Path) -> None:
 
 def _changed_plugins(found: dict[str, Any], asked: dict[str, Any]) -> list[str]:
     """Return the sources of estimators that are not as they were, unless worlds come from the same file."""
-    worlds = {split_family(parse(label)[0])[0] for label in asked["cells"]}
-    worlds |= {world.rpartition(":")[0] for world in worlds}
-    ours = {source_of(label) for cell in asked["cells"].values() for label in cell["estimators"]} - worlds
+    worlds = {source_key(split_family(parse(label)[0])[0]) for label in asked["cells"]}
+    ours = {source_key(parse(label)[0]) for cell in asked["cells"].values() for label in cell["estimators"]} - worlds
     changed = []
     for name in sorted(ours & {*asked["files"]}):
         now = [asked[key][name] for key in OF_PLUGINS]
@@ -311,7 +310,7 @@ def _forget_plugin(found: dict[str, Any], name: str) -> tuple[str, list[str]]:
     """Remove a plug-in's estimators and version from a manifest; return a hash of it, and the stems of their parts."""
     stems, version = [], json.dumps([found[key].pop(name, None) for key in OF_PLUGINS], sort_keys=True)
     for scenario, cell in found["cells"].items():
-        for label in [one for one in cell["estimators"] if source_of(one) == name]:
+        for label in [one for one in cell["estimators"] if source_key(parse(one)[0]) == name]:
             stems.append(PartKey(scenario, label, range(0)).stem)
             del cell["estimators"][label]
             found["certificates"].pop(label, None)

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
+from cooploc.analysis.execution.provenance import source_key
 from cooploc.analysis.execution.reproduce import PAGE, confirmations, digest
 from cooploc.analysis.execution.run_directory import Cell, StoredRun
 from cooploc.analysis.formats import count, count_of, metres, microseconds, ratio
@@ -147,7 +148,7 @@ def _origin(row: Row, run: StoredRun) -> dict[str, str]:
         out |= {"source": source_of(type(make(label))), "hash": manifest["source"][:HASH]}
         return {**out, "licence": str(metadata("cooploc")["License-Expression"])}
     stated = manifest["certificates"].get(label, {})
-    files = manifest["files"].get(asked.name.rpartition(":")[0] or asked.name, "")
+    files = manifest["files"].get(source_key(asked.name), "")
     out |= {"source": stated.get("cites", ""), "hash": files[:HASH]}
     return {**out, "licence": stated.get("licence") or "not stated"}
 

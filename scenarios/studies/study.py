@@ -105,11 +105,12 @@ class Study(BaseModel):
                 raise BadInput(f"{self.name} fixes {key} at {fixed}, not {given[key]}: leave --{key} out")
         return _validate({**self.model_dump(), **given}, f"study {self.name!r}")
 
-    def folder_name(self, data: Path | None = None) -> str:
+    def folder_name(self, data: str | Path | None = None) -> str:
         """Return the directory of a run, `STUDY-seedN`, with recordings `STUDY-DATA-seedN`; it stays inside another."""
-        named = "-".join(
-            [self.name.lstrip(".") or "study", *([data.resolve().name] if data else []), f"seed{self.seed}"]
-        )
+        of_data = (
+            [Path(data).resolve().name.replace(" ", "-")] if data else []
+        )  # the name is to be copied into a command
+        named = "-".join([self.name.lstrip(".") or "study", *of_data, f"seed{self.seed}"])
         return re.sub(r"[/\\\x00-\x1f\x7f-\x9f]+", "-", named)
 
     def blocks(self) -> list[Block]:

@@ -16,7 +16,7 @@ from cooploc.scenarios.studies import study
 def test_a_run_on_recordings_has_a_directory_named_after_them():
     log = study.load("log").replace_options(seed=7)
     assert log.folder_name() == "log-seed7"
-    assert log.folder_name(Path("lab/../two robots/")) == "log-two robots-seed7"
+    assert log.folder_name(Path("lab/../two robots/")) == "log-two-robots-seed7"
 
 
 @pytest.mark.parametrize("name", study.names())
