@@ -30,6 +30,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cooploc.analysis.formats import count_of
 from cooploc.analysis.metrics.errors import demand_same
 from cooploc.estimators.errors import BadInput, nearest
 from cooploc.estimators.interface import Array, Indices, Mask
@@ -189,7 +190,8 @@ def _add_triangles(one: Trajectory, path: Path) -> Trajectory:
         poses = path.name.removesuffix(COVARIANCE)
         raise BadInput(f"{path}: its stamps are not those of {poses}: write one line for each pose")
     P = _covariances(_from_triangle(triangle.values[rows, 1:]), triangle._replace(line=triangle.line[rows]))
-    return one._replace(P=P, notes=(*one.notes, *triangle.notes)).select(~absent)
+    lost = (f"{path}: {count_of(int(absent.sum()), 'pose')} without covariance count nowhere",) if absent.any() else ()
+    return one._replace(P=P, notes=(*one.notes, *triangle.notes, *lost)).select(~absent)
 
 
 def _read_csv(path: Path) -> dict[str, Trajectory]:

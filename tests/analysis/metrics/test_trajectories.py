@@ -142,8 +142,9 @@ def test_poses_whose_covariance_is_torn_are_left_out_and_named(honest, tmp_path)
     write_tum(tmp_path / "truth/red.txt", t, truth)
     beside = written(tmp_path / "mine", t, x, P, "beside") / "red.cov.txt"
     beside.write_text("# stamp, then the upper triangle\n" + beside.read_text()[:-30])
-    rows, (note,) = judge_trajectories(tmp_path / "truth", {"mine": tmp_path / "mine"}, axes="body")
-    assert "red.cov.txt, line 601: 5 columns, not 7" in note
+    rows, (line, lost) = judge_trajectories(tmp_path / "truth", {"mine": tmp_path / "mine"}, axes="body")
+    assert "red.cov.txt, line 601: 5 columns, not 7" in line
+    assert lost.endswith("red.cov.txt: 1 pose without covariance count nowhere")
     assert rows["anees"].notna().all()
 
 
