@@ -13,8 +13,17 @@ import numpy as np
 from cooploc.estimators.compiled import readable, strict_inlined, strict_kernel
 from cooploc.estimators.covariance_intersection import ABSENT, BAD, least_weight, root, weight_equation, weight_root
 from cooploc.estimators.interface import Array, Belief, Indices, Mail, Rows, Senses, World
-from cooploc.estimators.kalman import KINDS, Message, assume, receive, sensor_model, soften_pair
-from cooploc.estimators.kalman_kernels import absorb_row, fill_sum, is_known, linearise_row, whiten
+from cooploc.estimators.kalman import KINDS, Message, SensorModel, assume, receive, sensor_model, soften_pair
+from cooploc.estimators.kalman_kernels import (
+    absorb_row,
+    fill_form,
+    fill_sum,
+    is_known,
+    linearise_row,
+    mirror_place,
+    read_belief,
+    whiten,
+)
 from cooploc.estimators.robust import loss_of
 
 
@@ -59,42 +68,36 @@ class Rule(NamedTuple):
     block: int = 2  # leading states that this is about
 
 
-def fuse_compiled(p: Any, s: BroadcastState, z: Senses, mail: Mail, rule: Rule) -> BroadcastState:
-    """Return what `fuse_broadcasts` does, by a compiled loop where there is one for all sensors."""
-    tables: list[Any] = [(*table, False) for table in s.world.of_teammates(z, mail)]  # False: of senders, not by them
+def readings_for_loop(
+    p: Any, world: World, z: Senses, mail: Mail, belief: int
+) -> list[tuple[SensorModel, Array, bool]] | None:
+    """Return a tick's readings of teammates for a compiled loop; None where there is no loop for all sensors.
+
+    Each is a sensor's model, its readings (r, n, k), and whether the senders made them: those are in their packets,
+    behind the `belief` numbers of a belief.
+    """
+    tables: list[tuple[Any, Array, bool]] = [(*one, False) for one in world.of_teammates(z, mail)]
     built_in = all(type(sensor) in KINDS and loss_of(sensor) == "none" for sensor, _, _ in tables)
     if p.engine != "batched" or not built_in:
-        return fuse_broadcasts(p, s, z, mail)
+        return None
+    if "sighting" in world.sensors and mail.packets.shape[-1] > belief:
+        tables.append((world.sensors["sighting"], z.sighting, True))
+    return [(sensor_model(sensor), readable(readings), by_sender) for sensor, readings, by_sender in tables]
+
+
+def fuse_compiled(p: Any, s: BroadcastState, z: Senses, mail: Mail, rule: Rule) -> BroadcastState:
+    """Return what `fuse_broadcasts` does, by a compiled loop where there is one for all sensors."""
     d, x, P, packets = s.x.shape[-1], s.x.copy(), s.P.copy(), readable(mail.packets)
-    if "sighting" in s.world.sensors and packets.shape[-1] > d + d * (d + 1) // 2:
-        tables.append((s.world.sensors["sighting"], z.sighting, True))
-    for sensor, readings, by_sender in tables:
+    tables = readings_for_loop(p, s.world, z, mail, d + d * (d + 1) // 2)
+    if tables is None:
+        return fuse_broadcasts(p, s, z, mail)
+    for model, readings, by_sender in tables:
         one_number = readings.shape[-1] == 1 and rule.block == 2  # then the weight is a root, and nothing is searched
         block = None if one_number or not rule.intersect else rule.block
-        model, how = sensor_model(sensor), (rule.intersect, rule.trace, float(p.gate))
-        if not _fuse(x, P, s.robot, packets, readable(readings), model, by_sender, how, block, (0,) * d):
+        how = rule.intersect, rule.trace, float(p.gate)
+        if not _fuse(x, P, s.robot, packets, readings, model, by_sender, how, block, (0,) * d):
             return fuse_broadcasts(p, s, z, mail)  # it says which covariance cannot be used
     return s._replace(x=x, P=P)
-
-
-@strict_inlined
-def _mirror_place(H, out):
-    """Write the Jacobian (k, d) by the place that was read, given that by the pose of who read it."""
-    for a in range(H.shape[0]):
-        for c in range(H.shape[1]):
-            out[a, c] = -H[a, c] if c < 2 else 0.0
-
-
-@strict_inlined
-def _fill_form(H, P, out):
-    """Write H P H', symmetric."""
-    for a in range(len(H)):
-        for b in range(a + 1):
-            v = 0.0
-            for c in range(len(P)):
-                for e in range(len(P)):
-                    v += H[a, c] * P[c, e] * H[b, e]
-            out[a, b] = out[b, a] = v
 
 
 @strict_inlined
@@ -107,18 +110,6 @@ def _squared_distance(y, S, e):
     for a in range(len(y)):
         far += e[a, 0] * e[a, 0]
     return far
-
-
-@strict_inlined
-def _read_belief(packet, x, P):
-    """Write the belief at the beginning of a packet, as `Message` packs it."""
-    d = len(x)
-    at = d
-    for a in range(d):
-        x[a] = packet[a]
-        for b in range(a, d):
-            P[a, b] = P[b, a] = packet[at]
-            at += 1
 
 
 @strict_kernel
@@ -141,21 +132,21 @@ def _fuse(x, P, robot, packets, z, model, by_sender, how, block, axes):
             reading = packets[r, j, at : at + k] if by_sender else z[r, j]
             if np.isnan(reading[0]):
                 continue
-            _read_belief(packets[r, j], x_j, P_j)
+            read_belief(packets[r, j], d, x_j, P_j)
             if by_sender:
                 linearise_row(kind, A, slope, x_j, x[r], reading, y, H_j)
-                _mirror_place(H_j, H)
+                mirror_place(H_j, H)
             else:
                 linearise_row(kind, A, slope, x[r], x_j, reading, y, H)
-                _mirror_place(H, H_j)
-            _fill_form(H_j, P_j, N)
+                mirror_place(H, H_j)
+            fill_form(H_j, P_j, N)
             fill_sum(1.0, N, 1.0, R, noise)
             if not is_known(y, H, noise):
                 continue
             if not intersect:
                 absorb_row(x[r], P[r], y, H, noise, gate, S, B, C)
                 continue
-            _fill_form(H, P[r], S)
+            fill_form(H, P[r], S)
             fill_sum(1.0, S, 1.0, noise, S)
             if not _squared_distance(y, S, e) <= 2 * gate:
                 continue

@@ -32,7 +32,7 @@ intrinsic: Any = untyped_intrinsic
 
 # numba looks at a kernel's own file only. The names of our files on disk hold a stamp of all that a kernel may call, so
 # that one of another version is never opened.
-KERNELS = "joint_kernels", "kalman_kernels", "particle_kernels"
+KERNELS = "joint_kernels", "kalman_kernels", "particle_kernels", "split_kernels"
 SHARED = "compiled", "random_numbers", "models", "covariance_intersection", *KERNELS
 SOURCES = [(Path(__file__).parent / f"{name}.py").read_bytes() for name in SHARED]
 

@@ -20,7 +20,9 @@ from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
 
-from cooploc.estimators import joint_kernels, kalman
+from cooploc.estimators import kalman, split_kernels
+from cooploc.estimators.broadcasts import readings_for_loop
+from cooploc.estimators.compiled import readable
 from cooploc.estimators.interface import Array, Belief, Indices, Mail, Mask, Rows, Senses, World
 from cooploc.estimators.models import AnchorReading, fixed_readings, wrap_heading
 from cooploc.estimators.robust import AssumedLoss
@@ -74,7 +76,7 @@ class EkfSplitCi:
         """Kalman update by an independent reading: Pd' = (I - K H) Pd (I - K H)', the rest of P' is Pi'."""
         if seen := kalman.landmarks_alone(self, s.world, z):
             x, Pd, Pi = s.x.copy(), s.Pd.copy(), s.Pi.copy()
-            joint_kernels.sight_split(x, Pd, Pi, seen)
+            split_kernels.sight_split(x, Pd, Pi, seen)
             return s._replace(x=x, Pd=Pd, Pi=Pi)
         for sensor, place, reading in fixed_readings(s.world, z, self.anchor_reading):
             y, H, _ = kalman.innovation(sensor, s.x, place, reading)
@@ -89,7 +91,24 @@ class EkfSplitCi:
 
     def fuse(self, s: State, z: Senses, mail: Mail) -> State:
         """Use each reading between the robot and a sender, whose split covariance makes the reading's noise."""
-        known = np.zeros(mail.heard.shape, bool)  # senders whose independent part this robot has used by now
+        known, d, spent = np.zeros(mail.heard.shape, bool), s.x.shape[-1], self.form == "conservative"
+        tables = readings_for_loop(self, s.world, z, mail, d + d * (d + 1))
+        if tables is None:
+            s = self._fuse_one_by_one(s, z, mail, known)
+        else:
+            s, packets = s._replace(x=s.x.copy(), Pd=s.Pd.copy(), Pi=s.Pi.copy()), readable(mail.packets)
+            how = float(self.gate), self.form == "literal", spent
+            for model, readings, by_sender in tables:
+                split_kernels.fuse_split(*s[:3], s.robot, packets, readings, model, by_sender, how, known)
+        if spent and s.world.robots > 1:  # the broadcast contained the independent part
+            s = s._replace(Pd=s.Pd + s.Pi, Pi=np.zeros_like(s.Pi))
+        return s
+
+    def estimate(self, s: State) -> Belief:
+        return Belief(wrap_heading(s.x), s.Pd + s.Pi)
+
+    def _fuse_one_by_one(self, s: State, z: Senses, mail: Mail, known: Mask) -> State:
+        """Do what `split_kernels.fuse_split` does with any sensor, loss and engine."""
         sent = kalman.Message.unpack(mail.packets, s.x.shape[-1], parts=2)
         for pair in kalman.receive(s.world, z, mail, sent.sightings, s.robot):
             x_j, Pd_j, Pi_j = (part[:, pair.sender] for part in (sent.x, *sent.P))
@@ -99,12 +118,7 @@ class EkfSplitCi:
             y, H, H_j = kalman.soften_pair(pair.sensor, *pair.linearise(s.x, x_j), s.Pd + s.Pi, Pd_j + Pi_j)
             s, used = self._update(s, y, H, H_j @ Pd_j @ H_j.mT, H_j @ Pi_j @ H_j.mT + pair.sensor.R)
             known[:, pair.sender] |= used
-        if self.form == "conservative" and s.world.robots > 1:  # the broadcast contained the independent part
-            s = s._replace(Pd=s.Pd + s.Pi, Pi=np.zeros_like(s.Pi))
         return s
-
-    def estimate(self, s: State) -> Belief:
-        return Belief(wrap_heading(s.x), s.Pd + s.Pi)
 
     def _update(self, s: State, y: Array, H: Array, Rd: Array, Ri: Array, own: bool = False) -> tuple[State, Mask]:
         """P1 = Pd / w + Pi,  R = Rd / (1 - w) + Ri,  K = P1 H' (H P1 H' + R)^-1 = P' H' R^-1,  x' = x + K y.
@@ -116,11 +130,11 @@ class EkfSplitCi:
         keep, reading = own or self.form == "literal", tuple(map(np.ascontiguousarray, (y, H, Rd, Ri)))
         if self.engine == "batched":
             x, Pd, Pi, used = s.x.copy(), s.Pd.copy(), s.Pi.copy(), np.empty(len(y), bool)
-            joint_kernels.update_split(x, Pd, Pi, reading, own, self.gate, keep, used)
+            split_kernels.update_split(x, Pd, Pi, reading, own, self.gate, keep, used)
             return s._replace(x=x, Pd=Pd, Pi=Pi), used
         w = np.ones(len(y))
         for r in () if own else range(len(y)):
-            w[r], helps = joint_kernels.least_trace(s.Pd[r], s.Pi[r], *(part[r] for part in reading[1:]))
+            w[r], helps = split_kernels.least_trace(s.Pd[r], s.Pi[r], *(part[r] for part in reading[1:]))
             w[r] = w[r] if helps else np.nan
         y, w = np.where(np.isnan(w)[:, None], np.nan, y), np.where(np.isnan(w), 0.5, w)[:, None, None]
         Pd, Rd = s.Pd / w, np.divide(Rd, 1 - w, out=np.zeros_like(Rd), where=w < 1)

@@ -232,8 +232,11 @@ def _wheels(motion: Unicycle, x: Array, z: Senses) -> tuple[Array, Array, Array,
     return readable(x).reshape(-1, 3), readable(z.odometry).reshape(-1, 2), readable(z.dt).reshape(-1), variances
 
 
+SensorModel = tuple[int, float, float, Array]
+
+
 @lru_cache
-def sensor_model(sensor: Any) -> tuple[int, float, float, Array]:
+def sensor_model(sensor: Any) -> SensorModel:
     """Return a sensor of `KINDS` as compiled loops take it: its kind, A and slope 10 eta / ln 10 of an RSSI, and R."""
     A, slope = (sensor.A, 10 * sensor.eta / np.log(10)) if isinstance(sensor, LogDistance) else (0.0, 0.0)
     return KINDS[type(sensor)], A, slope, readable(sensor.R)

@@ -6,7 +6,7 @@ are few, as in a recording, numpy's calls cost more than their work. A row's bit
 
 import numpy as np
 
-from cooploc.estimators.compiled import strict_kernel
+from cooploc.estimators.compiled import strict_inlined, strict_kernel
 from cooploc.estimators.interface import Array, Mask
 from cooploc.estimators.models import NEAR, TOO_NEAR_TO_RANGE, wrap_angle
 
@@ -258,6 +258,39 @@ def relate(kind, A, slope, x, q, z, y, H):
     """Write the innovations of poses x (r, d), places q (r, 2) or one for all (1, 2), readings z (r, k)."""
     for r in range(len(x)):
         linearise_row(kind, A, slope, x[r], q[r if len(q) > 1 else 0], z[r], y[r], H[r])
+
+
+# A sender's belief in its packet, and the Jacobian by it.
+
+
+@strict_inlined
+def read_belief(packet, at, x, P):
+    """Write x (d,) at the beginning of a packet, and the P (d, d) whose upper triangle begins `at` its place."""
+    for a in range(len(x)):
+        x[a] = packet[a]
+        for b in range(a, len(x)):
+            P[a, b] = P[b, a] = packet[at]
+            at += 1
+
+
+@strict_inlined
+def mirror_place(H, out):
+    """Write the Jacobian (k, d) by the place that was read, given that by the pose of who read it."""
+    for a in range(H.shape[0]):
+        for c in range(H.shape[1]):
+            out[a, c] = -H[a, c] if c < 2 else 0.0
+
+
+@strict_inlined
+def fill_form(H, P, out):
+    """Write H P H', symmetric."""
+    for a in range(len(H)):
+        for b in range(a + 1):
+            v = 0.0
+            for c in range(len(P)):
+                for e in range(len(P)):
+                    v += H[a, c] * P[c, e] * H[b, e]
+            out[a, b] = out[b, a] = v
 
 
 # A tick's sightings of landmarks by rows of robots: places (l, 2) [m]; ranges [m] and bearings [rad] (r, l, 2), nan

@@ -178,6 +178,7 @@ def test_literal_split_ci_of_independent_priors_is_the_naive_filter():
         "ekf-ci[criterion=det,over=position]",
         "ekf-ci[reading=rssi,criterion=det]",
         "ekf-split-ci",
+        "ekf-split-ci[form=conservative,reading=rssi]",
         "ekf-ici",
         "ekf-ici[form=fixed]",
         "ekf-hmd",

@@ -6,8 +6,9 @@ from oracles import covariances
 
 from cooploc.estimators.ekf_split_ci import EkfSplitCi
 from cooploc.estimators.ekf_split_ci import State as SplitState
-from cooploc.estimators.joint_kernels import least_trace, limit_correlation
+from cooploc.estimators.joint_kernels import limit_correlation
 from cooploc.estimators.kalman import kalman
+from cooploc.estimators.split_kernels import least_trace
 
 
 @pytest.mark.slow
