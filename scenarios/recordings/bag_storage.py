@@ -168,7 +168,10 @@ KINDS: Mapping[str, MessageKind] = {
 
 
 def field_rows(message: Any, fields: Sequence[str]) -> list[Row]:
-    """Return fields of a message of any type: a row, or one for each element of an array (nodes.id, nodes.dis)."""
+    """Return fields of a message of any type: a row, or one for each element of an array (nodes.id, nodes.dis).
+
+    Of one element of an array its number from 0 is the field (data.0).
+    """
     columns = [_field_values(message, field.split(".")) for field in fields]
     m = max(map(len, columns))
     return list(zip(*(column * m if len(column) == 1 else column for column in columns), strict=True))
@@ -176,6 +179,8 @@ def field_rows(message: Any, fields: Sequence[str]) -> list[Row]:
 
 def _field_values(value: Any, path: Sequence[str]) -> list[Any]:
     if isinstance(value, list | tuple | np.ndarray):
+        if path and path[0].isdigit():
+            return _field_values(value[int(path[0])], path[1:])
         return [found for element in value for found in _field_values(element, path)]
     return _field_values(getattr(value, path[0]), path[1:]) if path else [value]
 

@@ -55,6 +55,7 @@ ESTIMATES = {word for word, kind in OTHERS.items() if kind == "estimates"}  # in
 PLACE = {"PoseStamped": ("pose.position", "pose.orientation"), "Pose": ("position", "orientation")}
 PLACE |= {"TransformStamped": ("transform.translation", "transform.rotation")}
 FLAT = 0.2  # [m] that robots move at least, and share of it by which a floor is flat at most
+EACH = 'each = { NAME = "data.0", ... } for the robots or anchors that it is of, in their order'
 SURE = 2.0  # times the misfit of the best assignment of radios that the next best must have
 
 
@@ -123,6 +124,9 @@ def bag_draft(path: Path) -> Draft:
             unused.append(f"{t.name} ({form}, {t.messages}){more}")
     strange = [t for t in every if not t.columns and t.name not in used]
     strange = [t for t in strange if not t.type.startswith(NO_MEASUREMENTS) or "MultiArray" in t.type]
+    for t in [t for t in strange if "MultiArray" in t.type and name_meaning(t.name)[0] in ("range", "rssi")]:
+        strange.remove(t)
+        unused.append(f"{t.name}, an array that does not say of what: write {EACH}")
     if unread := [f"{t.name} ({t.type})" for t in strange]:
         some = ", ".join(unread[:5]) + f" and {len(unread) - 5} more" * (len(unread) > 5)
         unused.append(f"topics of types that are not read: {some}; what they measured may be in CSV files beside")

@@ -197,6 +197,22 @@ def test_a_field_may_say_who_measured_and_the_teammate_follows(tmp_path):
         inspect_recording(tmp_path)
 
 
+def test_elements_of_an_array_are_of_whom_log_toml_says(tmp_path):
+    files, name = two_robots(seconds=40), "std_msgs/msg/Float64MultiArray"
+    made = [one for kind in ("odometry", "truth") for one in USUAL[kind](files)]
+    layout = {"layout.dim": [], "layout.data_offset": 0}
+    measured = list(zip(*files["uwb.csv"].values(), strict=True))
+    made += [(f"/{robot}/uwb", name, t, {**layout, "data": np.array([9.0, d])}) for t, robot, _, d in measured]
+    write_messages(tmp_path / "team", made)
+    found = inspect_recording(tmp_path)
+    assert sum("/uwb, an array that does not say of what: write each = {" in line for line in found.unused) == 2
+    each = 'each = { red = "data.1", blue = "data.1", a1 = "data.0" }\n[anchors]\nplaces = { a1 = [9.0, 0.0] }'
+    (tmp_path / "log.toml").write_text(f'{found.text}\n[[ranges]]\ntopic = "/{{robot}}/uwb"\n{each}\n')
+    readings = inspect_recording(tmp_path).log.readings
+    np.testing.assert_allclose(np.sort(readings["range"].values[:, 0]), np.sort(files["uwb.csv"]["range"]))
+    assert readings["anchor_range"].values.tolist() == [[9.0]] * len(measured)
+
+
 def test_frames_that_odometry_moves_are_no_truth(tmp_path):
     files = two_robots(seconds=40)
     made = USUAL | {"truth": frames("odom")}
