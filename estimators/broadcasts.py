@@ -13,7 +13,7 @@ import numpy as np
 from cooploc.estimators.compiled import readable, strict_inlined, strict_kernel
 from cooploc.estimators.covariance_intersection import ABSENT, BAD, least_weight, root, weight_equation, weight_root
 from cooploc.estimators.interface import Array, Belief, Indices, Mail, Rows, Senses, World
-from cooploc.estimators.kalman import KINDS, Message, SensorModel, assume, receive, sensor_model, soften_pair
+from cooploc.estimators.kalman import Message, SensorModel, assume, loop_model, receive, soften_pair
 from cooploc.estimators.kalman_kernels import (
     absorb_row,
     fill_form,
@@ -24,7 +24,6 @@ from cooploc.estimators.kalman_kernels import (
     read_belief,
     whiten,
 )
-from cooploc.estimators.robust import loss_of
 
 
 class BroadcastState(NamedTuple):
@@ -76,13 +75,15 @@ def readings_for_loop(
     Each is a sensor's model, its readings (r, n, k), and whether the senders made them: those are in their packets,
     behind the `belief` numbers of a belief.
     """
-    tables: list[tuple[Any, Array, bool]] = [(*one, False) for one in world.of_teammates(z, mail)]
-    built_in = all(type(sensor) in KINDS and loss_of(sensor) == "none" for sensor, _, _ in tables)
-    if p.engine != "batched" or not built_in:
-        return None
+    tables = [(sensor, readings, False) for sensor, readings in world.of_teammates(z, mail)]
     if "sighting" in world.sensors and mail.packets.shape[-1] > belief:
         tables.append((world.sensors["sighting"], z.sighting, True))
-    return [(sensor_model(sensor), readable(readings), by_sender) for sensor, readings, by_sender in tables]
+    found = []
+    for sensor, readings, by_sender in tables:
+        if p.engine != "batched" or not (model := loop_model(sensor)):
+            return None
+        found.append((model, readable(readings), by_sender))
+    return found
 
 
 def fuse_compiled(p: Any, s: BroadcastState, z: Senses, mail: Mail, rule: Rule) -> BroadcastState:

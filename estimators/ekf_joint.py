@@ -21,6 +21,7 @@ import numpy as np
 
 from cooploc.estimators import joint_gaussian as joint
 from cooploc.estimators import joint_kernels, kalman, models
+from cooploc.estimators.compiled import readable
 from cooploc.estimators.errors import BadInput, Limits
 from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses, Sensor, Traffic, World
 from cooploc.estimators.kalman_kernels import add_directions, add_ranges, add_scalars
@@ -190,14 +191,15 @@ class EkfJoint:
             own = np.einsum("tiiab->tiab", blocks)
             D = own[:, :, None] + own[:, None] - blocks - blocks.swapaxes(1, 2)  # of every difference of two positions
             shift, extra = kalman.curvature(sensor, s.x[:, :, None], s.x[:, None], D)
-        R, at = sensor.R + extra, s
+        R, at, model = sensor.R + extra, s, kalman.loop_model(sensor) if self.engine == "batched" else None
         for k in range(self.iterations):
-            y, H_i, H_j = kalman.linearise(sensor, at.x[:, :, None], at.x[:, None], readings)
-            y = y - shift
-            if k > 0:
+            if model:
+                y, H_i, H_j = joint_kernels.linearise_pairs(model, s.x, at.x, readable(readings))
+            else:
+                y, H_i, H_j = kalman.linearise(sensor, at.x[:, :, None], at.x[:, None], readings)
                 back = (at.x - s.x)[..., None]
-                y = y + (H_i @ back[:, :, None] + H_j @ back[:, None])[..., 0]
-            y, H_i, H_j = kalman.soften_pair(sensor, y, H_i, H_j, *joint.pair_blocks(s.P), extra=extra)
+                y = y - shift + (H_i @ back[:, :, None] + H_j @ back[:, None])[..., 0]
+                y, H_i, H_j = kalman.soften_pair(sensor, y, H_i, H_j, *joint.pair_blocks(s.P), extra=extra)
             linear = joint.linear_readings(y, H_i, H_j, R)
             if k == 0:
                 d2 = joint_kernels.distances(joint.square(s.P), linear)

@@ -76,7 +76,7 @@ class EkfSplitCi:
         """Kalman update by an independent reading: Pd' = (I - K H) Pd (I - K H)', the rest of P' is Pi'."""
         if seen := kalman.landmarks_alone(self, s.world, z):
             x, Pd, Pi = s.x.copy(), s.Pd.copy(), s.Pi.copy()
-            split_kernels.sight_split(x, Pd, Pi, seen)
+            split_kernels.sight_split(x, Pd, Pi, seen, True)
             return s._replace(x=x, Pd=Pd, Pi=Pi)
         for sensor, place, reading in fixed_readings(s.world, z, self.anchor_reading):
             y, H, _ = kalman.innovation(sensor, s.x, place, reading)

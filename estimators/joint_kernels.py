@@ -11,6 +11,8 @@ from cooploc.estimators.kalman_kernels import (
     fill_sum,
     is_known,
     is_seen,
+    linearise_row,
+    mirror_place,
     solve,
     whiten,
 )
@@ -90,6 +92,28 @@ def information(use: Mask, readings: LinearReadings) -> tuple[Array, Array]:
                             for m in range(2 * d):
                                 Lambda[s, at[a], at[m]] += B[c, a] * B[c, m]
     return eta, Lambda
+
+
+@strict_kernel
+def linearise_pairs(model, x, at, z):
+    """Return y + H (x^ - x), H_i and H_j of each robot's readings z (t, n, n, k) of the others.
+
+    Linearised `at` x^ (t, n, d), of robots at x; `model` is `kalman.sensor_model`.
+    """
+    (kind, A, slope, _), (t, n, _, k), d = model, z.shape, x.shape[2]
+    y, H_i, H_j = np.full((t, n, n, k), np.nan), np.zeros((t, n, n, k, d)), np.zeros((t, n, n, k, d))
+    for s in range(t):
+        for i in range(n):
+            for j in range(n):
+                if np.isnan(z[s, i, j, 0]):
+                    continue
+                linearise_row(kind, A, slope, at[s, i], at[s, j], z[s, i, j], y[s, i, j], H_i[s, i, j])
+                mirror_place(H_i[s, i, j], H_j[s, i, j])
+                for c in range(k):
+                    for a in range(d):
+                        y[s, i, j, c] += H_i[s, i, j, c, a] * (at[s, i, a] - x[s, i, a])
+                        y[s, i, j, c] += H_j[s, i, j, c, a] * (at[s, j, a] - x[s, j, a])
+    return y, H_i, H_j
 
 
 @strict_kernel

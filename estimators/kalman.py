@@ -242,6 +242,11 @@ def sensor_model(sensor: Any) -> SensorModel:
     return KINDS[type(sensor)], A, slope, readable(sensor.R)
 
 
+def loop_model(sensor: Any) -> SensorModel | None:
+    """Return a sensor as compiled loops take it; None where they do not know it, or its loss is robust."""
+    return sensor_model(sensor) if type(sensor) in KINDS and loss_of(sensor) == "none" else None
+
+
 def innovation(sensor: Sensor, x: Array, q: Array, z: Array) -> tuple[Array, Array, Array]:
     """Return y (..., k), H (..., k, d), Hq (..., k, 2) of readings z (..., k) of places q (..., 2) at x (..., d)."""
     if type(sensor) not in KINDS:

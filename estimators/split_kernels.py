@@ -105,15 +105,6 @@ def split_row(x, Pd, Pi, y, H, Rd, Ri, w, gate, keep):
 
 
 @strict_kernel
-def combine_split(x, Pd, Pi, y, H, Rd, Ri, own, gate, keep):
-    """Update one row by its reading, if nothing of it is absent and it helps; return whether it did."""
-    if not (is_known(y, H, Rd) and is_known(y, H, Ri)):
-        return False
-    w, helps = (1.0, True) if own else least_trace(Pd, Pi, H, Rd, Ri)
-    return helps and split_row(x, Pd, Pi, y, H, Rd, Ri, w, gate, keep)
-
-
-@strict_kernel
 def update_split(x, Pd, Pi, reading, own, gate, keep, used):
     """Update as `EkfSplitCi._update`, in place: x (r, d), Pd and Pi (r, d, d); write which rows `used` their reading.
 
@@ -122,7 +113,11 @@ def update_split(x, Pd, Pi, reading, own, gate, keep, used):
     """
     y, H, Rd, Ri = reading
     for r in range(len(x)):
-        used[r] = combine_split(x[r], Pd[r], Pi[r], y[r], H[r], Rd[r], Ri[r], own, gate, keep)
+        used[r] = False
+        if is_known(y[r], H[r], Rd[r]) and is_known(y[r], H[r], Ri[r]):
+            w, helps = (1.0, True) if own else least_trace(Pd[r], Pi[r], H[r], Rd[r], Ri[r])
+            if helps:
+                used[r] = split_row(x[r], Pd[r], Pi[r], y[r], H[r], Rd[r], Ri[r], w, gate, keep)
 
 
 @strict_kernel
@@ -156,13 +151,18 @@ def fuse_split(x, Pd, Pi, robot, packets, z, model, by_sender, how, known):
             fill_form(H_j, Pd_j, Rd)
             fill_form(H_j, Pi_j, Ri)
             fill_sum(1.0, Ri, 1.0, R, Ri)
-            if combine_split(x[r], Pd[r], Pi[r], y, H, Rd, Ri, False, gate, keep):
-                known[r, j] = True
+            if is_known(y, H, Rd) and is_known(y, H, Ri):
+                w, helps = least_trace(Pd[r], Pi[r], H, Rd, Ri)
+                if helps and split_row(x[r], Pd[r], Pi[r], y, H, Rd, Ri, w, gate, keep):
+                    known[r, j] = True
 
 
 @strict_kernel
-def sight_split(x, Pd, Pi, seen):
-    """Update as `EkfSplitCi.correct`, in place by sightings: x (r, d), Pd and Pi (r, d, d)."""
+def sight_split(x, Pd, Pi, seen, keep):
+    """Update as `EkfSplitCi.correct`, in place by sightings: x (r, d), Pd and Pi (r, d, d); `keep` is true.
+
+    It is a parameter, because numba would compile `split_row` once more for a constant.
+    """
     places, z, R, gate = seen
     k, d = 2, x.shape[1]
     y, H, nothing = np.empty(k), np.empty((k, d)), np.zeros((k, k))
@@ -171,4 +171,4 @@ def sight_split(x, Pd, Pi, seen):
             if is_seen(z, r, m):
                 linearise_sighting(x[r], places[m], z[r, m], y, H)
                 if is_known(y, H, R):
-                    split_row(x[r], Pd[r], Pi[r], y, H, nothing, R, 1.0, gate, True)
+                    split_row(x[r], Pd[r], Pi[r], y, H, nothing, R, 1.0, gate, keep)
