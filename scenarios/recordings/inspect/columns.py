@@ -222,11 +222,13 @@ def _turn_rate(table: CsvTable, column: str) -> float:
     """Return how fast a column of angles turns: the 90th percentile of its changes [1/s]; inf where that is unknown."""
     stamp = next((c for c in table.columns if naming.name_meaning(c)[0] == "time"), column)
     t, values = table.columns[stamp], table.columns[column]
-    if isinstance(t, tuple) or isinstance(values, tuple) or not np.isfinite(t).any():
+    if isinstance(t, tuple) or isinstance(values, tuple) or not (there := np.isfinite(t) & np.isfinite(values)).any():
         return np.inf
-    dt = np.abs(np.diff(t)) / EPOCHS[_time_unit(t[np.isfinite(t)])[0]]
-    rates = np.abs(np.diff(values))[dt > 0] / dt[dt > 0]
-    return float(np.nanquantile(rates, 0.9)) if np.isfinite(rates).any() else np.inf
+    names = (words for name, words in table.columns.items() if naming.name_meaning(name)[0] == "robot")
+    robot = np.asarray(next(names, np.zeros(len(t))))
+    there &= robot == robot[np.argmax(there)]  # the lines of several may alternate
+    dt, turned = np.abs(np.diff(t[there])) / EPOCHS[_time_unit(t[there])[0]], np.abs(np.diff(values[there]))
+    return float(np.quantile(turned[dt > 0] / dt[dt > 0], 0.9)) if (dt > 0).any() else np.inf
 
 
 def infer_unit(quantity: str, named: str, values: Array, turn_rate: float) -> tuple[str, str]:

@@ -155,7 +155,8 @@ def split_readings(guesses: Sequence[Guess], named: bool) -> list[tuple[Guess, .
 
 def _name_readings(file: CsvTable, robots: Sequence[str], fixed: Sequence[str]) -> CsvTable:
     """Return the file with its columns of two robots as patterns, and those named as places as readings of these."""
-    if not file.robots and (pairs := naming.pairs_of_robots(file.columns, robots)):
+    about = naming.name_meaning(Path(file.name).stem)[0]
+    if pairs := {} if file.robots else naming.pairs_of_robots(file.columns, robots, about):
         file = file._replace(columns={pairs.get(c, c): values for c, values in file.columns.items()})
         file = file._replace(guesses=infer_columns(file))
     _, own = naming.file_pattern([file.name], robots)
@@ -167,12 +168,13 @@ def _name_readings(file: CsvTable, robots: Sequence[str], fixed: Sequence[str]) 
         if own[0] not in meant and meant & {*robots, *fixed}:
             guess = file.guesses[k]._replace(quantity="other", reason=f"its names are not {own[0]}, whose file it is")
             file = file._replace(guesses=(*file.guesses[:k], guess, *file.guesses[k + 1 :]))
-    of = [column for column in file.columns if column in fixed and len(file.numbers(column))]
+    unknown = {*pairs.values()} - {g.column for g in file.guesses if g.quantity}
+    of = [column for column in file.columns if column in {*fixed, *unknown} and len(file.numbers(column))]
     kind = "rssi" if any((file.numbers(column) < 0).all() for column in of) else "range"
-    found = {
-        c: Guess(c, kind, *infer_unit(kind, "", file.numbers(c), np.inf)[:1], "", "its name is that of a place")
-        for c in of
-    }
+    found = {}
+    for c in of:
+        why = "its name is that of a place" if c in fixed else f"the names of two robots, in {file.name}"
+        found[c] = Guess(c, kind, infer_unit(kind, "", file.numbers(c), np.inf)[0], "", why)
     return file._replace(guesses=tuple(found.get(g.column, g) for g in file.guesses))
 
 

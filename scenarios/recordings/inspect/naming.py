@@ -95,17 +95,18 @@ def columns_of_robots(head: Sequence[str]) -> tuple[dict[str, str], tuple[str, .
     return found | pairs_of_robots(head, robots), robots
 
 
-def pairs_of_robots(names: Iterable[str], robots: Sequence[str]) -> dict[str, str]:
+def pairs_of_robots(names: Iterable[str], robots: Sequence[str], quantity: str = "") -> dict[str, str]:
     """Return patterns of names with two robots: r12 is r{robot}{other} of 1 and 2, uwb_1_2 is uwb_{robot}_{other}.
 
-    Where d1_A1 stands beside d1_A2, A2 is no robot.
+    They are of ranges or RSSI by their words, or by the `quantity` that their file is about. Where d1_A1 stands beside
+    d1_A2, A2 is no robot.
     """
     found, names = dict[str, str](), list(names)
     for a, b in permutations(map(re.escape, robots), 2):
         pair = re.compile(rf"(?<![A-Za-z0-9]){a}(\D*?){b}(?![A-Za-z0-9])|(?<=[A-Za-z]){a}(\D*?){b}(?!\d)")
         for name in names:
             pattern = pair.sub(lambda m: f"{{robot}}{m[1] or m[2] or ''}{{other}}", name)
-            if pattern != name and name_meaning(pattern)[0] in ("range", "rssi"):
+            if pattern != name and (name_meaning(pattern)[0] or quantity) in ("range", "rssi"):
                 itself = any(pattern.replace("{robot}", r).replace("{other}", r) in names for r in robots)
                 if not (itself and re.search(r"\{robot\}.*[A-Za-z].*\{other\}", pattern)):
                     found[name] = pattern

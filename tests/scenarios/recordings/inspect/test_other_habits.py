@@ -86,6 +86,11 @@ def ranges_each(files):
     return files
 
 
+def pair_alone(files):
+    """Ranges in a column that is named after two robots, in a file that says what it is about."""
+    return files | {"uwb.csv": files["uwb.csv"][["time", "range"]].rename(columns={"range": "field.red_blue"})}
+
+
 def one_export(files):
     """All in one file, a line for whatever was recorded, and empty fields for all else."""
     tables = [t.assign(robot=name[:-4].split("_")[1]) for name, t in files.items() if name != "uwb.csv"]
@@ -176,7 +181,8 @@ HABITS = {
     "wide": (wide, {}, None),
     "one table": (one_table, {}, None),
     "a column for each": (ranges_each, {}, None),
-    "one export": (one_export, {}, None),
+    "one export": (lambda files: one_export(changed(theta=lambda h: np.unwrap(h) + 4 * np.pi)(files)), {}, None),
+    "a column of a pair": (pair_alone, {}, None),
     "folders": (folders, {}, None),
     "two tags": (two_tags, {}, None),
     "bagpy": (bagpy, {}, None),
