@@ -153,6 +153,27 @@ def split_readings(guesses: Sequence[Guess], named: bool) -> list[tuple[Guess, .
     return [each for each in (pairs, plain if named and len(plain) == 1 else others) if each]
 
 
+def _name_mates(files: Sequence[CsvTable], robots: Sequence[str]) -> list[CsvTable]:
+    """Return the files with {other} in the names of columns, where each robot's file has one for each teammate."""
+    for quantity in ("range", "rssi"):
+        columns = [[g.column for g in f.guesses if g.quantity == quantity and "{other}" not in g.column] for f in files]
+        owners = [naming.file_pattern([file.name], robots)[1] for file in files]
+        patterns = {
+            naming.pattern_of_mates(some, own[0], robots) if own else ""
+            for some, own in zip(columns, owners, strict=True)
+            if some
+        }
+        if len(patterns) != 1 or not (pattern := patterns.pop()):
+            continue
+        renamed = []
+        for file, some in zip(files, columns, strict=True):
+            names = dict.fromkeys(some, pattern)
+            file = file._replace(columns={names.get(name, name): values for name, values in file.columns.items()})
+            renamed.append(file._replace(guesses=infer_columns(file)))
+        files = renamed
+    return list(files)
+
+
 def _name_readings(file: CsvTable, robots: Sequence[str], fixed: Sequence[str]) -> CsvTable:
     """Return the file with its columns of two robots as patterns, and those named as places as readings of these."""
     about = naming.name_meaning(Path(file.name).stem)[0]
@@ -333,6 +354,9 @@ def _draft_run(folder: Path, data: Path) -> tuple[Draft, tuple[str, ...]]:
             odd = [name for name in lacking if naming.side_of(Path(name).stem) in sides]
             if odd and not unread:
                 unread = f"{folder / odd[0]}: {lacking[odd[0]]}, and so no {needed}; name its columns in log.toml"
+            of_wheels = [(f.name, g) for f in files for g in f.guesses if g.reason in naming.REMEDY.values()]
+            for name, guess in of_wheels[: needed == "odometry" and not unread]:
+                unread = f"{folder / name}: {guess.column!r} is {guess.reason}"
             if unread or needed == "odometry":
                 raise BadInput(unread or f"{folder}: no file has columns that look like {words}; {REMEDY}")
             unused.append(f"{needed}, as no file has columns that look like {words}")
@@ -346,7 +370,7 @@ def _draft_run(folder: Path, data: Path) -> tuple[Draft, tuple[str, ...]]:
                 f"robot {one!r}, as there is {part.table} of it and no {other[part.table]}" for one in sorted(lost)
             ]
     fixed = [name for part in parts if part.table in ("anchors", "landmarks") for name in _places_of(part)]
-    files = [_name_readings(file, robots, fixed) for file in files]
+    files = [_name_readings(file, robots, fixed) for file in _name_mates(files, robots)]
     unused += _for_files((_lack(file, halves), file.name) for file in files)
     parts = _merge_parts([part for file in files for part in _parts(file, halves)], [])
     entries.append(Entry("robots", list(robots), why or "their names in the names of the files", "likely"))
@@ -385,7 +409,7 @@ def tables_beside_bag(folder: Path, paths: Sequence[Path], robots: Sequence[str]
     files, unused = _read_files(paths, folder, folder)
     parts = _merge_parts([part for file in files for part in _parts(file)], unused)
     fixed = [name for part in parts if part.table in ("anchors", "landmarks") for name in _places_of(part)]
-    files = [_name_readings(file, robots, fixed) for file in files]
+    files = [_name_readings(file, robots, fixed) for file in _name_mates(files, robots)]
     drafted = [
         _draft_table(part, tuple(robots), fixed, False, ",")
         for part in _merge_parts([part for file in files for part in _parts(file)], [])
@@ -462,6 +486,8 @@ def _draft_table(
     if table in READINGS:
         numbered = [w for w in part.names("other") if w.isdigit() and w not in (*nodes, *robots, *fixed)]
         nodes |= naming.match_names(numbered, fixed)
+        if "{other}" in written and "{robot}" in file.value and not nodes:
+            nodes = {number: robot for number, robot in naming.numbers_of(robots).items() if number != robot}
     if nodes:
         entries.append(Entry("nodes", nodes, why_nodes, "likely"))
     return DraftTable(table, tuple(entries))
@@ -520,10 +546,6 @@ def _each_thing(table: str, each: Sequence[Guess], things: Sequence[str], robots
         own = ", ".join(f'a{k} = "{g.column}"' for k, g in enumerate(each, 1))
         remedy = f"write [{table}] with each = {{ {own} }}, and [anchors] with places = {{ a1 = [X, Y], ... }}"
         return f"{table} of things without a name; add a column `to`, or {remedy}"
-    patterns = {g.column[: -len(name)] + "{other}": g for name, g in columns.items()}
-    if len(patterns) == 1 and {*columns} <= {*robots}:
-        pattern, guess = patterns.popitem()
-        return column_entry(table.removesuffix("s"), guess._replace(column=pattern))
     return Entry(
         "each", {name: _column(g) for name, g in columns.items()}, "they end with a name or its number", "likely"
     )

@@ -113,6 +113,24 @@ def pairs_of_robots(names: Iterable[str], robots: Sequence[str], quantity: str =
     return found
 
 
+def numbers_of(robots: Iterable[str]) -> dict[str, str]:
+    """Return robots by the last number in their names: 2 is robot2, or tb_02; none where two have the same."""
+    last = {robot: str(int(number)) for robot in robots for number in re.findall(r"\d+", robot)[-1:]}
+    return {number: robot for robot, number in last.items()} if len({*last.values()}) == len(last) else {}
+
+
+def pattern_of_mates(columns: Sequence[str], own: str, robots: Sequence[str]) -> str:
+    """Return what a robot's columns are, if there is one for each teammate: uwb_to_2, uwb_to_3 are uwb_to_{other}."""
+    words, found = numbers_of(robots) | {robot: robot for robot in robots}, dict[str, set[str]]()
+    for column in columns:
+        before = {word: r"(?<!\d)" if word.isdigit() else r"(?<![A-Za-z0-9])" for word in words}
+        ends = [word for word in words if re.search(f"{before[word]}{re.escape(word)}$", column)]
+        for word in sorted(ends, key=len)[-1:]:
+            found.setdefault(column[: -len(word)] + "{other}", set()).add(words[word])
+    patterns = [pattern for pattern, mates in found.items() if mates == {*robots} - {own}]
+    return patterns[0] if len(found) == 1 and patterns and len(columns) == len(robots) - 1 else ""
+
+
 def file_pattern(files: Sequence[str], known: Sequence[str] = ()) -> tuple[str, tuple[str, ...]]:
     """Return the pattern that most files share, with {robot} in it, and the robots in the order of the files.
 

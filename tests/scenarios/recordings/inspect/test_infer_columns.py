@@ -5,7 +5,7 @@ import pytest
 
 from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.recordings.inspect.columns import read_csv
-from cooploc.scenarios.recordings.inspect.naming import file_pattern, name_meaning
+from cooploc.scenarios.recordings.inspect.naming import file_pattern, name_meaning, pattern_of_mates
 
 LINES = 40
 
@@ -60,6 +60,8 @@ def guessed(folder, columns, name="table.csv"):
         ("twist.linear.y", "", ""),
         ("twist.angular.x", "", ""),
         ("velocity_y", "", ""),
+        ("linear", "speed", ""),
+        ("motor_angular_position", "", ""),
         ("linear_acceleration.x", "", ""),
         ("pos_x_std", "", ""),
     ],
@@ -113,6 +115,21 @@ def test_a_counter_named_x_is_a_length_and_others_are_unknown(tmp_path):
 )
 def test_what_differs_between_names_of_files_is_the_robot(files, pattern, robots):
     assert file_pattern(files) == (pattern, robots)
+
+
+@pytest.mark.parametrize(
+    ("columns", "own", "robots", "pattern"),
+    [
+        (["uwb_to_2", "uwb_to_3"], "robot1", ("robot1", "robot2", "robot3"), "uwb_to_{other}"),
+        (["d_blue"], "red", ("red", "blue"), "d_{other}"),
+        (["d1", "d2"], "robot1", ("robot1", "robot2"), ""),  # none of itself: these are of anchors
+        (["d2"], "robot1", ("robot1", "robot2", "robot3"), ""),
+        (["r12", "r13"], "robot1", ("robot1", "robot2", "robot3"), ""),
+        (["to_1", "to_2"], "c", ("a1", "b1", "c"), ""),
+    ],
+)
+def test_columns_of_each_teammate_have_a_pattern(columns, own, robots, pattern):
+    assert pattern_of_mates(columns, own, robots) == pattern
 
 
 @pytest.mark.parametrize(

@@ -493,6 +493,17 @@ def test_texts_without_a_table_are_named(tmp_path):
         cl.inspect(tmp_path)
 
 
+def test_speeds_of_two_wheels_say_what_to_write(team):
+    def wheels(files):
+        both = {r: pd.concat([files[f"odom_{r}.csv"], files[f"truth_{r}.csv"]]).sort_values("time") for r in ROBOTS}
+        return {f"{r}.csv": t.rename(columns={"v": "left_speed", "omega": "right_speed"}) for r, t in both.items()}
+
+    with pytest.raises(
+        BadInput, match=r"blue\.csv: 'left_speed' is of one wheel: write speed, \(left \+ right\) / 2, and"
+    ):
+        cl.inspect(team(wheels))
+
+
 def test_readings_of_things_without_a_name_say_what_to_write(tmp_path):
     tables = {name: pd.DataFrame(columns) for name, columns in two_robots(seconds=40).items()}
     odometry = tables.pop("odom_red.csv").assign(rssi1=-40, rssi2=-50)
