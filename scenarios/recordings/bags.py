@@ -402,13 +402,14 @@ def read_run(place: Path, name: str, description: TeamDescription) -> TeamLog:
             if robot in seen and not is_reading:
                 raise BadInput(f"robot {robot!r} has two topics, {seen[robot]} and {topic}; choose in log.toml")
             seen[robot], series = topic, heard[topic]
-            named_by = [[source.nodes.get(word, word) for word in names] for names in series.names]
+            things = {**source.nodes, **getattr(source, "others", {})}
             named = source.robot is not None, getattr(source, "other", None) is not None
             if is_reading and not other and not named[1] and len(d.robots) != 2:
                 raise BadInput(f"topic {topic} does not say what was measured; write it with {{other}} in log.toml")
             time, values = values_of(source, series, columns)
-            who = [names[0] for names in named_by] if named[0] else [robot] * len(time)
-            what = [names[-1] for names in named_by] if named[1] else [other or mates.get(one, "") for one in who]
+            who = [source.nodes.get(w[0], w[0]) for w in series.names] if named[0] else [robot] * len(time)
+            what = [other or mates.get(one, "") for one in who]
+            what = [things.get(w[-1], w[-1]) for w in series.names] if named[1] else what
             yield csv_files.CsvRows(topic, time[:, None], time + source.clock_offset, who, what, values)
         if is_reading and not seen:
             names = source.topic or ", ".join(source.topics.values())

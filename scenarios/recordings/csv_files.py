@@ -146,9 +146,9 @@ def rows_of(
         time, notes = unwrap_stamps(((stamp - run.zero) * [c.factor for c in source.time]).sum(-1))
         run.warnings.extend(f"{path}: {note}" for note in notes)
         values = in_si(lines.values[:, k:], columns)
-        words_of = [[source.nodes.get(word, word) for word in names] for names in lines.names]
-        who = [names[0] if source.robot else robot for names in words_of]
-        what = [names[-1] if of else other for names in words_of]
+        who = [source.nodes.get(names[0], names[0]) if source.robot else robot for names in lines.names]
+        things = {**source.nodes, **getattr(source, "others", {})}
+        what = [things.get(names[-1], names[-1]) if of else other for names in lines.names]
         yield CsvRows(path, stamp, time + source.clock_offset, who, what, values)
 
 

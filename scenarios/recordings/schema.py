@@ -261,6 +261,7 @@ class ReadingColumns(Source):
     """Measurements of something else, whose name is in the column `other` or, as `{other}`, in the file or topic."""
 
     other: Number | None = None
+    others: Mapping[str, Name] = {}  # as `nodes`, of what was measured alone, where robots have the same names
 
     @model_validator(mode="after")
     def _says_what_is_measured(self) -> Self:

@@ -123,6 +123,7 @@ EPOCHS = {"ns": 1e9, "us": 1e6, "ms": 1e3, "s": 1.0}  # in a second
 SINCE_1970 = (5e8, 5e9)  # [s] from 1985 to 2128
 SLOW = 2.0  # [1/s] in radians robots turn more slowly, in degrees faster
 NAMES = ("robot", "other")  # quantities whose values are names
+ENDS = ("i", "j", "a", "b", "rx", "tx")  # names of the columns of who measured and what was measured
 PART = "part of a quaternion"
 TUM = ("time", "x", "y", "")  # quantities of the columns before a quaternion
 
@@ -136,10 +137,10 @@ def infer_columns(table: CsvTable) -> tuple[Guess, ...]:
         else _guess(table, column, file_side)
         for column in table.columns
     ]
-    both = [g for g in guesses if g.quantity in NAMES or g.column in ("i", "j")]  # robot1 and robot2, or i and j
+    both = [g for g in guesses if g.quantity in NAMES or g.column.lower() in ENDS]  # robot1 and robot2, or i and j
     if len(both) == 2 and {*table.names(both[0].column)} & {*table.names(both[1].column)}:
         for one, quantity in zip(both, NAMES, strict=True):
-            if both[0].quantity == both[1].quantity:
+            if both[0].quantity == both[1].quantity or not {one.quantity for one in both} & {*NAMES}:
                 guesses[guesses.index(one)] = one._replace(quantity=quantity, reason="two columns with the same names")
     return tuple(guesses)
 
@@ -178,6 +179,8 @@ def _guess(table: CsvTable, column: str, file_side: str) -> Guess:
     beside = {naming.name_meaning(name)[::2] for name in table.columns}
     places = [name for name in (column[:-1] + q for q in "xy") if name in table.columns]
     unknown = ""
+    if quantity == "angle":  # to what is measured, else of what is somewhere
+        quantity = "bearing" if "range" in dict(beside) else "heading" * ("x" in dict(beside))
     if not quantity:
         remedies = [naming.REMEDY[word] for word in naming.words_of(column) if word in naming.REMEDY]
         unknown = remedies[0] if remedies else "neither name nor values say what it is"

@@ -369,7 +369,7 @@ def _draft_run(folder: Path, data: Path) -> tuple[Draft, tuple[str, ...]]:
             unused += [
                 f"robot {one!r}, as there is {part.table} of it and no {other[part.table]}" for one in sorted(lost)
             ]
-    fixed = [name for part in parts if part.table in ("anchors", "landmarks") for name in _places_of(part)]
+    fixed = [name for part in parts if part.table in ("anchors", "landmarks") for name in _places_of(part, robots)]
     files = [_name_readings(file, robots, fixed) for file in _name_mates(files, robots)]
     unused += _for_files((_lack(file, halves), file.name) for file in files)
     parts = _merge_parts([part for file in files for part in _parts(file, halves)], [])
@@ -408,7 +408,7 @@ def tables_beside_bag(folder: Path, paths: Sequence[Path], robots: Sequence[str]
     """Return the draft of what a bag lacks: the tables in text files, but for those that are `there`."""
     files, unused = _read_files(paths, folder, folder)
     parts = _merge_parts([part for file in files for part in _parts(file)], unused)
-    fixed = [name for part in parts if part.table in ("anchors", "landmarks") for name in _places_of(part)]
+    fixed = [name for part in parts if part.table in ("anchors", "landmarks") for name in _places_of(part, robots)]
     files = [_name_readings(file, robots, fixed) for file in _name_mates(files, robots)]
     drafted = [
         _draft_table(part, tuple(robots), fixed, False, ",")
@@ -435,7 +435,7 @@ def _draft_table(
     table, files, columns = part.table, part.file_names, part.columns
     names = ", ".join(files)
     if table in ("anchors", "landmarks"):
-        places = Entry("places", _places_of(part), f"{files[0]} has names and places, and no stamps")
+        places = Entry("places", _places_of(part, robots), f"{files[0]} has names and places, and no stamps")
         return DraftTable(table, (places,))
     pattern, named = naming.file_pattern(files, robots)
     nodes, why_nodes = dict[str, str](), "these words and the names of robots or places are alike"
@@ -484,8 +484,14 @@ def _draft_table(
     ]
     entries += [*_missing(part), *(origin_entry(columns, part.files[0]) if table == "truth" else [])]
     if table in READINGS:
-        numbered = [w for w in part.names("other") if w.isdigit() and w not in (*nodes, *robots, *fixed)]
-        nodes |= naming.match_names(numbered, fixed)
+        things = [word for word in part.names("other") if f"a{word}" in fixed]
+        of_places = {naming.OTHERS.get(word) for word in naming.words_of(columns["other"].column)} if things else set()
+        if {*things} & {*robots} and (of_places & {"anchors", "landmarks"} or {*things} - {*robots}):
+            why = "places that have the names of robots"
+            entries.append(Entry("others", {word: f"a{word}" for word in things}, why, "likely"))
+        else:
+            numbered = [w for w in part.names("other") if w.isdigit() and w not in (*nodes, *robots, *fixed)]
+            nodes |= naming.match_names(numbered, fixed)
         if "{other}" in written and "{robot}" in file.value and not nodes:
             nodes = {number: robot for number, robot in naming.numbers_of(robots).items() if number != robot}
     if nodes:
@@ -551,14 +557,18 @@ def _each_thing(table: str, each: Sequence[Guess], things: Sequence[str], robots
     )
 
 
-def _places_of(part: TablePart) -> dict[str, list[float]]:
-    """Return the places [m] in a file by name; blanks and signs that a name cannot have become _."""
+def _places_of(part: TablePart, robots: Sequence[str]) -> dict[str, list[float]]:
+    """Return the places [m] in a file by name; blanks and signs that a name cannot have become _.
+
+    Where a robot has the name of a place, such as 1, places are a1, a2, ...
+    """
     file, columns = part.files[0], part.columns
     words = file.columns[columns["name"].column]
     named = words if isinstance(words, tuple) else [f"{number:g}" for number in words]
     x, y = (np.asarray(file.columns[columns[q].column], float) * UNITS["m"][columns[q].unit] for q in "xy")
+    sign = "a" * bool({*named} & {*robots})
     return {
-        naming.clean_name(name): [float(a), float(b)]
+        sign + naming.clean_name(name): [float(a), float(b)]
         for name, a, b in zip(named, x, y, strict=True)
         if name and np.isfinite([a, b]).all()
     }

@@ -19,7 +19,16 @@ QUANTITY_OF_PAIR = {pair: quantity for quantity, of in _WORDS["pairs"].items() f
 AXES = {"turn_rate": (["x"], ["y"]), "speed": (["y"], ["z"]), "heading": (["x"], ["y"], ["w"])}
 ODOMETRY, TRUTH = ({word for word, of in SIDE.items() if of == side} for side in ("odometry", "truth"))
 # The units of quantities in log.toml; all others are lengths in m.
-SI = {"time": "s", "sec": "s", "nsec": "ns", "rssi": "dBm", "heading": "rad", "bearing": "rad", "turn": "rad"}
+SI = {
+    "time": "s",
+    "sec": "s",
+    "nsec": "ns",
+    "rssi": "dBm",
+    "heading": "rad",
+    "bearing": "rad",
+    "turn": "rad",
+    "angle": "rad",
+}
 RATES = {"turn_rate": "rad/s", "speed": "m/s"}
 
 

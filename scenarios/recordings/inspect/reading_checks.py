@@ -85,7 +85,7 @@ def check_bearings(c: CheckedLog) -> None:
         if np.isfinite(expected).sum() < motion.FEWEST:
             continue
         largest = np.nanmax(np.abs(readings.values[:, 1]))
-        if largest > 2.1 * np.pi:
+        if largest > 2.1 * np.pi and motion.concentration(readings.values[:, 1] - expected)[0] < FOLLOWS:
             fact = f"bearings reach {largest:.4g} as read: they are in degrees"
             c.add("degrees", None, readings.source, fact, "sure", 'unit = "deg"', *place)
             readings = divide_columns(readings, 180 / np.pi, (1,))

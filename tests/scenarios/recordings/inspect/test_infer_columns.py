@@ -102,6 +102,22 @@ def test_a_counter_named_x_is_a_length_and_others_are_unknown(tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("columns", "quantities"),
+    [
+        ({"target": "red", "distance": 2.0, "angle": 1.0}, ["other", "range", "bearing"]),
+        ({"x": 1.0, "y": 2.0, "angle": 1.0}, ["x", "y", "heading"]),
+        ({"volts": 1.0, "angle": 1.0}, ["", ""]),
+        ({"rx": ["red", "blue"] * 20, "tx": ["blue", "red"] * 20, "rssi": -50}, ["robot", "other", "rssi"]),
+        ({"a": [1, 2] * 20, "b": [2, 1] * 20, "dist": 3.0}, ["robot", "other", "range"]),
+    ],
+)
+def test_a_quantity_may_follow_from_the_columns_beside(tmp_path, columns, quantities):
+    every = {name: v if isinstance(v, list) else [v] * 40 for name, v in columns.items()}
+    found = guessed(tmp_path, {"t": np.arange(40) / 10, **every})
+    assert [found[name].quantity for name in columns] == quantities
+
+
+@pytest.mark.parametrize(
     ("files", "pattern", "robots"),
     [
         (["odom_red.csv", "odom_blue.csv"], "odom_{robot}.csv", ("red", "blue")),

@@ -16,6 +16,8 @@ from cooploc.scenarios.recordings.inspect.naming import match_names
 pytestmark = pytest.mark.slow  # a second each; test_checks and test_infer_columns are quick
 ROBOTS = ("red", "blue")
 
+KINDS = "odom", "truth"
+
 
 def renamed(words):
     return lambda files: {name: table.rename(columns=words) for name, table in files.items()}
@@ -265,6 +267,30 @@ def test_anchors_are_meant_by_their_numbers(team):
         assert {*readings.other} == {0, 1}
     found = cl.inspect(team(lambda files: numbered(columns(files))), again=True).inspected
     assert "anchor_range" not in found.log.readings  # d1 may be of robot 1
+
+
+def test_robots_and_anchors_may_have_the_same_numbers(team):
+    places = {1: (0.0, 0.0), 2: (10.0, 0.0), 3: (5.0, 8.0)}
+
+    def numbers(files):
+        robots = {"red": 1, "blue": 2}
+        both = [pd.concat([files[f"{kind}_{r}.csv"].assign(id=n) for r, n in robots.items()]) for kind in KINDS]
+        truth = both[1].sort_values("time")
+        ranges = [
+            truth[["time", "id"]].assign(anchor=k, range=np.hypot(truth.x - x, truth.y - y))
+            for k, (x, y) in places.items()
+        ]
+        anchors = pd.DataFrame([(k, *place) for k, place in places.items()], columns=["id", "x", "y"])
+        return {
+            "odom.csv": both[0].sort_values("time"),
+            "truth.csv": truth,
+            "uwb.csv": pd.concat(ranges),
+            "anchors.csv": anchors,
+        }
+
+    found = cl.inspect(team(numbers)).inspected
+    assert found.log.anchors.names == ("a1", "a2", "a3")
+    assert (list(found.log.readings), found.findings, found.trial.problem) == (["anchor_range"], (), "")
 
 
 def test_positive_signal_strengths_are_dbm_without_their_sign(team):
