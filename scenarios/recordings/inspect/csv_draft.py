@@ -176,11 +176,14 @@ def _name_mates(files: Sequence[CsvTable], robots: Sequence[str]) -> list[CsvTab
 
 def _name_readings(file: CsvTable, robots: Sequence[str], fixed: Sequence[str]) -> CsvTable:
     """Return the file with its columns of two robots as patterns, and those named as places as readings of these."""
-    about = naming.name_meaning(Path(file.name).stem)[0]
-    if pairs := {} if file.robots else naming.pairs_of_robots(file.columns, robots, about):
+    _, own = naming.file_pattern([file.name], robots)
+    about, numbers = naming.name_meaning(Path(file.name).stem)[0], [] if own else [*naming.numbers_of(robots)]
+    pairs: dict[str, str] = {}
+    for words in ([*robots], numbers) if not file.robots else ():
+        pairs = pairs or naming.pairs_of_robots(file.columns, words, about)
+    if pairs:
         file = file._replace(columns={pairs.get(c, c): values for c, values in file.columns.items()})
         file = file._replace(guesses=infer_columns(file))
-    _, own = naming.file_pattern([file.name], robots)
     quantities = [g.quantity for g in file.guesses]
     if own and "robot" in quantities and "other" not in quantities:  # odom_red.csv does not need to say whose it is
         k = quantities.index("robot")
@@ -350,13 +353,19 @@ def _draft_run(folder: Path, data: Path) -> tuple[Draft, tuple[str, ...]]:
         if needed not in {part.table for part in parts}:
             if nameless := next((file.name for file in files if [*file.columns][:2] == ["1", "2"]), ""):
                 unread = f"{folder / nameless}: numbers where the names of the columns should be; add a line of names"
-            sides = (needed,) if len(files) > 1 else (needed, "")  # of files whose names say nothing none is to blame
+            sides = (
+                (needed,) if len(lacking) < len(files) else (needed, "")
+            )  # of some that say nothing none is to blame
             odd = [name for name in lacking if naming.side_of(Path(name).stem) in sides]
             if odd and not unread:
                 unread = f"{folder / odd[0]}: {lacking[odd[0]]}, and so no {needed}; name its columns in log.toml"
             of_wheels = [(f.name, g) for f in files for g in f.guesses if g.reason in naming.REMEDY.values()]
             for name, guess in of_wheels[: needed == "odometry" and not unread]:
                 unread = f"{folder / name}: {guess.column!r} is {guess.reason}"
+            known = {f.name: {g.quantity for g in f.guesses} for f in files}
+            timeless = [n for n, of in known.items() if of & {"speed", "turn_rate", "dx"} and not of & {"time", "sec"}]
+            if timeless and not unread:
+                unread = f"{folder / timeless[0]}: no column of it holds stamps; add one, such as `time` [s]"
             if unread or needed == "odometry":
                 raise BadInput(unread or f"{folder}: no file has columns that look like {words}; {REMEDY}")
             unused.append(f"{needed}, as no file has columns that look like {words}")
@@ -492,7 +501,7 @@ def _draft_table(
         else:
             numbered = [w for w in part.names("other") if w.isdigit() and w not in (*nodes, *robots, *fixed)]
             nodes |= naming.match_names(numbered, fixed)
-        if "{other}" in written and "{robot}" in file.value and not nodes:
+        if "{other}" in written and "{robot}" in f"{file.value} {written}" and not nodes:
             nodes = {number: robot for number, robot in naming.numbers_of(robots).items() if number != robot}
     if nodes:
         entries.append(Entry("nodes", nodes, why_nodes, "likely"))

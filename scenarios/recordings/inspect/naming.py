@@ -119,7 +119,10 @@ def pairs_of_robots(names: Iterable[str], robots: Sequence[str], quantity: str =
                 itself = any(pattern.replace("{robot}", r).replace("{other}", r) in names for r in robots)
                 if not (itself and re.search(r"\{robot\}.*[A-Za-z].*\{other\}", pattern)):
                     found[name] = pattern
-    return found
+    own = {
+        p.replace("{robot}", r).replace("{other}", r): p for p in {*found.values()} for r in robots
+    }  # d11 beside d12
+    return found | {name: own[name] for name in names if name in own}
 
 
 def numbers_of(robots: Iterable[str]) -> dict[str, str]:

@@ -93,6 +93,15 @@ def pair_alone(files):
     return files | {"uwb.csv": files["uwb.csv"][["time", "range"]].rename(columns={"range": "field.red_blue"})}
 
 
+def matrix(files):
+    """Ranges in a column for each pair of numbers, also of a robot and itself."""
+    names = {"odom_red.csv": "r1_odom.csv", "odom_blue.csv": "r2_odom.csv"}
+    names |= {name.replace("odom", "truth"): new.replace("odom", "truth") for name, new in names.items()}
+    d = files.pop("uwb.csv")
+    uwb = pd.DataFrame({"time": d["time"], "d11": 0.0, "d12": d["range"], "d21": d["range"], "d22": 0.0})
+    return {names[name]: table for name, table in files.items()} | {"uwb.csv": uwb}
+
+
 def one_export(files):
     """All in one file, a line for whatever was recorded, and empty fields for all else."""
     tables = [t.assign(robot=name[:-4].split("_")[1]) for name, t in files.items() if name != "uwb.csv"]
@@ -194,6 +203,7 @@ HABITS = {
     "a title": (SAME, {}, lambda text: "Lab 3; by Bob, on Monday\nin the afternoon\n" + text),
     "the last line first": (lambda files: {name: t[::-1] for name, t in files.items()}, {}, None),
     "a write that was interrupted": (SAME, {}, lambda text: text + 4096 * "\0"),
+    "a matrix of ranges": (matrix, {}, None),
     "names again": (SAME, {}, lambda text: text.replace("\n", "\n" + text.split("\n")[0] + "\n", 2)),
 }
 
@@ -528,6 +538,14 @@ def test_speeds_of_two_wheels_say_what_to_write(team):
         BadInput, match=r"blue\.csv: 'left_speed' is of one wheel: write speed, \(left \+ right\) / 2, and"
     ):
         cl.inspect(team(wheels))
+
+
+def test_a_counter_of_lines_is_no_stamp(tmp_path):
+    for robot in ROBOTS:
+        lines = [f"{k},{k / 10},{k % 7},0.3,{k % 3}" for k in range(50)]
+        (tmp_path / f"{robot}.csv").write_text("\n".join(["step,x,y,v,w", *lines, ""]))
+    with pytest.raises(BadInput, match=r"blue\.csv: no column of it holds stamps; add one, such as `time` \[s\]"):
+        cl.inspect(tmp_path)
 
 
 def test_readings_of_things_without_a_name_say_what_to_write(tmp_path):
