@@ -356,13 +356,16 @@ def parse_fields(fields: Sequence[str]) -> Array:
     return numbers
 
 
+MISSING = {"", "-", "--", "na", "n/a", "none", "null"}  # what fields without a number hold
+
+
 def parse_field(field: str) -> float:
-    """Return the number in a field, nan where it is empty, inf where it is not a number.
+    """Return the number in a field, nan where it is one of `MISSING`, inf where it is not a number.
 
     A comma may stand for the decimal point. A date is seconds since 1970 (UTC, if it names no other zone), a time of
     day seconds since midnight.
     """
-    if not field:
+    if field.lower() in MISSING:
         return np.nan
     number = parse_number(field)
     if np.isinf(number):
