@@ -215,11 +215,13 @@ def _columns_of(
     if not whole or len({*head}) < len(head):
         fault = f"two columns have one name: {', '.join(head)}" if whole else f"it has no line of {len(head)} fields"
         raise BadInput(f"{path}: {fault}; correct the file")
-    columns = dict(zip(head, map(parse_fields, zip(*whole, strict=True)), strict=True))
-    head = [name for name in head if name not in others]
-    columns = {name: columns[name] for name in head}
-    numbers = {name: np.where(np.isinf(values), np.nan, values) for name, values in columns.items()}
-    guesses = infer_columns(CsvTable(path.name, delimiter, numbers))
+    columns: dict[str, Array | tuple[str, ...]] = {}
+    for name, fields in zip(head, zip(*whole, strict=True), strict=True):
+        if name not in others:
+            numbers = parse_fields(fields)
+            columns[name] = fields if np.isinf(numbers).all() else np.where(np.isinf(numbers), np.nan, numbers)
+    head = [*columns]
+    guesses = infer_columns(CsvTable(path.name, delimiter, columns))
     if len(several := {guess.side == TRUTH: guess.column for guess in guesses if guess.quantity == "x"}) == 2:
         raise BadInput(f"{path} has {several[True]} of the truth and {several[False]}: write a file of each")
     own = {guess.quantity: guess for guess in reversed(guesses)}

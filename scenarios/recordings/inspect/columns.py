@@ -230,7 +230,8 @@ def _turn_rate(table: CsvTable, column: str) -> float:
         return np.inf
     names = (words for name, words in table.columns.items() if naming.name_meaning(name)[0] == "robot")
     robot = np.asarray(next(names, np.zeros(len(t))))
-    there &= robot == robot[np.argmax(there)]  # the lines of several may alternate
+    if (same := there & (robot == robot[np.argmax(there)])).any():  # the lines of several may alternate
+        there = same
     dt, turned = np.abs(np.diff(t[there])) / EPOCHS[_time_unit(t[there])[0]], np.abs(np.diff(values[there]))
     return float(np.quantile(turned[dt > 0] / dt[dt > 0], 0.9)) if (dt > 0).any() else np.inf
 

@@ -427,6 +427,7 @@ def one_file(folder):
     lines = [(*line[[0, 1, 2]], 2 * np.arctan2(line[6], line[7]), robot) for robot in ROBOTS for line in
              np.loadtxt(folder / f"{robot}.txt")]  # fmt: skip
     table = pd.DataFrame(sorted(lines), columns=["time", "x", "y", "yaw", "robot"])
+    table["yaw"] = table.groupby("robot")["yaw"].transform(np.unwrap) + 4 * np.pi  # lines of two robots alternate
     table.to_csv(folder / "all.csv", index=False)
     return folder / "all.csv"
 
