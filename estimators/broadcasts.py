@@ -19,8 +19,7 @@ from cooploc.estimators.kalman_kernels import (
     fill_form,
     fill_sum,
     is_known,
-    linearise_row,
-    mirror_place,
+    linearise_between,
     read_belief,
     whiten,
 )
@@ -70,7 +69,7 @@ class Rule(NamedTuple):
 def readings_for_loop(
     p: Any, world: World, z: Senses, mail: Mail, belief: int
 ) -> list[tuple[SensorModel, Array, bool]] | None:
-    """Return a tick's readings of teammates for a compiled loop; None where there is no loop for all sensors.
+    """Return a tick's readings of teammates for a compiled loop; None if the loop does not know one of the sensors.
 
     Each is a sensor's model, its readings (r, n, k), and whether the senders made them: those are in their packets,
     behind the `belief` numbers of a belief.
@@ -134,12 +133,7 @@ def _fuse(x, P, robot, packets, z, model, by_sender, how, block, axes):
             if np.isnan(reading[0]):
                 continue
             read_belief(packets[r, j], d, x_j, P_j)
-            if by_sender:
-                linearise_row(kind, A, slope, x_j, x[r], reading, y, H_j)
-                mirror_place(H_j, H)
-            else:
-                linearise_row(kind, A, slope, x[r], x_j, reading, y, H)
-                mirror_place(H, H_j)
+            linearise_between((kind, A, slope), x[r], x_j, reading, by_sender, y, H, H_j)
             fill_form(H_j, P_j, N)
             fill_sum(1.0, N, 1.0, R, noise)
             if not is_known(y, H, noise):

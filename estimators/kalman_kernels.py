@@ -282,6 +282,21 @@ def mirror_place(H, out):
 
 
 @strict_inlined
+def linearise_between(sensor, x, x_j, z, by_sender, y, H, H_j):
+    """Write y (k,), and H and H_j (k, d) by the poses of a robot and a sender, of its reading of the sender.
+
+    With `by_sender` of the sender's reading of the robot; `sensor` is kind, A and slope of `linearise_row`.
+    """
+    kind, A, slope = sensor
+    if by_sender:
+        linearise_row(kind, A, slope, x_j, x, z, y, H_j)
+        mirror_place(H_j, H)
+    else:
+        linearise_row(kind, A, slope, x, x_j, z, y, H)
+        mirror_place(H, H_j)
+
+
+@strict_inlined
 def fill_form(H, P, out):
     """Write H P H', symmetric."""
     for a in range(len(H)):

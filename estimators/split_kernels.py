@@ -11,9 +11,8 @@ from cooploc.estimators.kalman_kernels import (
     is_known,
     is_seen,
     joseph,
-    linearise_row,
+    linearise_between,
     linearise_sighting,
-    mirror_place,
     read_belief,
     solve,
     whiten,
@@ -142,12 +141,7 @@ def fuse_split(x, Pd, Pi, robot, packets, z, model, by_sender, how, known):
             if spent and known[r, j]:
                 fill_sum(1.0, Pd_j, 1.0, Pi_j, Pd_j)
                 fill_sum(0.0, Pd_j, 0.0, Pd_j, Pi_j)
-            if by_sender:
-                linearise_row(kind, A, slope, x_j, x[r], reading, y, H_j)
-                mirror_place(H_j, H)
-            else:
-                linearise_row(kind, A, slope, x[r], x_j, reading, y, H)
-                mirror_place(H, H_j)
+            linearise_between((kind, A, slope), x[r], x_j, reading, by_sender, y, H, H_j)
             fill_form(H_j, Pd_j, Rd)
             fill_form(H_j, Pi_j, Ri)
             fill_sum(1.0, Ri, 1.0, R, Ri)

@@ -179,8 +179,8 @@ def _guess(table: CsvTable, column: str, file_side: str) -> Guess:
     beside = {naming.name_meaning(name)[::2] for name in table.columns}
     places = [name for name in (column[:-1] + q for q in "xy") if name in table.columns]
     unknown = ""
-    if quantity == "angle":  # to what is measured, of what is somewhere, or of a turn, if no other column is that
-        by, known = {"range": "bearing", "x": "heading", "speed": "turn_rate"}, dict(beside)
+    if quantity == "angle":  # to what is measured, or of what is somewhere, if no other column is that
+        by, known = {"range": "bearing", "x": "heading"}, dict(beside)
         quantity = next((angle for other, angle in by.items() if other in known and angle not in known), "")
     if not quantity:
         remedies = [naming.REMEDY[word] for word in naming.words_of(column) if word in naming.REMEDY]

@@ -108,7 +108,7 @@ def pairs_of_robots(names: Iterable[str], robots: Sequence[str], quantity: str =
     """Return patterns of names with two robots: r12 is r{robot}{other} of 1 and 2, uwb_1_2 is uwb_{robot}_{other}.
 
     They are of ranges or RSSI by their words, or by the `quantity` that their file is about. Where d1_A1 stands beside
-    d1_A2, A2 is no robot.
+    d1_A2, A2 is an anchor.
     """
     found, names = dict[str, str](), list(names)
     for a, b in permutations(map(re.escape, robots), 2):

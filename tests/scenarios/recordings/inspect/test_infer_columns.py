@@ -109,7 +109,7 @@ def test_a_counter_named_x_is_a_length_and_others_are_unknown(tmp_path):
         ({"volts": 1.0, "angle": 1.0}, ["", ""]),
         ({"angle": 0.5, "x": 1.0, "y": 2.0, "yaw": 1.0}, ["", "x", "y", "heading"]),
         ({"steering_angle": 0.5, "x": 1.0, "y": 2.0}, ["", "x", "y"]),
-        ({"lin": 0.3, "ang": 0.1}, ["speed", "turn_rate"]),
+        ({"speed": 0.3, "angle": 0.1}, ["speed", ""]),  # of a compass, or of the wheels: no turn rate
         ({"to": "red", "rssi": [-50, "-", "n/a", -60] * 10}, ["other", "rssi"]),
         ({"rx": ["red", "blue"] * 20, "tx": ["blue", "red"] * 20, "rssi": -50}, ["robot", "other", "rssi"]),
         ({"a": [1, 2] * 20, "b": [2, 1] * 20, "dist": 3.0}, ["robot", "other", "range"]),
