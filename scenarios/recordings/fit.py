@@ -484,6 +484,9 @@ def _sighting_model(channel: Channel, found: Residuals, how: FitSettings) -> tup
     return Sighting(notes[f"{channel}_sigma_range"], notes[f"{channel}_sigma_bearing"]), notes
 
 
+LEAST_ETA = 0.1  # path-loss exponents are from about 1.6, along a corridor
+
+
 def _rssi_model(
     log: TeamLog, channel: Channel, parts: Sequence[FitPart], found: Residuals, how: FitSettings
 ) -> tuple[LogDistance, dict[str, Any]]:
@@ -493,7 +496,7 @@ def _rssi_model(
         A, eta, fitted, memory = fit_path_loss_of_lines(parts, *stated, how.gaps.truth, how.robust)
     else:
         A, eta, fitted, memory = fit_path_loss(found, *stated, how.robust)
-    if eta <= 0:
+    if eta < LEAST_ETA:
         raise BadInput(
             f"run {log.name!r}: {prefix}RSSI does not fall with distance in what it is fitted on (eta = {eta:.3g}); "
             f"check the names and places in log.toml, or state {prefix}eta in [model]"

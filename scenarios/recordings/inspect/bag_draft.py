@@ -24,7 +24,6 @@ from cooploc.scenarios.recordings.inspect.csv_draft import (
     column_entry,
     first_columns,
     origin_entry,
-    split_readings,
     tables_beside_bag,
 )
 from cooploc.scenarios.recordings.inspect.draft_toml import Draft, DraftTable, Entry
@@ -34,6 +33,7 @@ from cooploc.scenarios.recordings.inspect.naming import (
     TRUTH,
     clean_name,
     file_pattern,
+    is_plain,
     match_names,
     name_meaning,
     pairs_of_robots,
@@ -51,11 +51,13 @@ SPEED |= {"TwistStamped": "twist.linear.x", "Twist": "linear.x"}  # type -> fiel
 STATES = TRUTH - {"ground", "pos", "cap"}  # words by which a topic of Odometry is the truth, as of a simulator
 NO_MEASUREMENTS = ("std_msgs", "rcl_interfaces", "rosgraph_msgs", "diagnostic_msgs", "tf2_msgs", "visualization_msgs")
 ESTIMATES = {word for word, kind in OTHERS.items() if kind == "estimates"}  # in names of topics that a filter writes
+VISUAL = ODOMETRY | {"slam", "orb", "vio", "vins", "vo"}  # in names of topics with poses that drift as odometry does
 # type -> fields of position and orientation
 PLACE = {"PoseStamped": ("pose.position", "pose.orientation"), "Pose": ("position", "orientation")}
 PLACE |= {"TransformStamped": ("transform.translation", "transform.rotation")}
 FLAT = 0.2  # [m] that robots move at least, and share of it by which a floor is flat at most
 EACH = 'each = { NAME = "data.0", ... } for the robots or anchors that it is of, in their order'
+SEEN = {"tag", "tags", "apriltag", "aruco", "marker", "markers", "detection", "detections", "camera"}
 SURE = 2.0  # times the misfit of the best assignment of radios that the next best must have
 
 
@@ -79,7 +81,9 @@ def bag_draft(path: Path) -> Draft:
         if "x [m]" in t.columns and name not in wheels.values() and "PoseArray" not in t.type
         if name in states or not (ODOMETRY | ESTIMATES) & {*words_of(name)}
     ]
-    truth = {robot: name for robot in wheels if (name := _topic_about(robot, poses))}
+    certain = [name for name in poses if name in states]
+    about = {robot: _topic_about(robot, certain) or _topic_about(robot, poses) for robot in wheels}
+    truth = {robot: name for robot, name in about.items() if name}
     if len(wheels) == 1 and not truth:  # its name need not be there
         truth = {robot: name for robot in wheels for name in poses if name in states}
     inspect_each = "; ".join(f"cooploc inspect {run}" for run in runs)
@@ -88,7 +92,11 @@ def bag_draft(path: Path) -> Draft:
         raise BadInput(differ)
     if not wheels:
         names = ", ".join(f"{t.name} ({t.type.rpartition('/')[2]})" for t in there)[:300]
-        raise BadInput(f"{path}: no robot has odometry (nav_msgs/Odometry, or speeds and turn rates); topics: {names}")
+        remedy = (
+            "of wheels alone compute speeds and turn rates, and write odom_NAME.csv beside it, and log.toml by hand"
+        )
+        lack = "no robot has odometry (nav_msgs/Odometry, or speeds and turn rates)"
+        raise BadInput(f"{path}: {lack}; {remedy}; topics: {names}")
     wheels = {robot: wheels[robot] for robot in truth or wheels}
     robots, numbers = list(wheels), {name: t.type for name, t in found.items() if t.type in (RANGE, *NUMBERS)}
     series = read_topics(whole, [t for t in (*wheels.values(), *truth.values(), *numbers) if t in found])[0]
@@ -104,6 +112,8 @@ def bag_draft(path: Path) -> Draft:
         beside = beside if beside.tables else tables_beside_bag(home, texts, robots, in_bag)
     tables += beside.tables
     fixed = [name for table in tables if table.name in ("anchors", "landmarks") for name in table.entries[0].value]
+    nameless = [t for t in numbers if numbers[t] == RANGE and not _tables_of(t, tables, robots)]
+    of_fields |= _ranges_by_frame(read_fields(whole, nameless) if nameless else {}, robots, fixed)
     tables += _readings_of_fields(of_fields, robots, fixed)
     has_truth = "truth" in {table.name for table in tables}
     if not has_truth and any(t.type.endswith("/Odometry") and t.name not in names for t in every for names in each):
@@ -123,8 +133,11 @@ def bag_draft(path: Path) -> Draft:
             more = ": does not say what was measured; write {other} for its name" if t.type == RANGE else ""
             unused.append(f"{t.name} ({form}, {t.messages}){more}")
     strange = [t for t in every if not t.columns and t.name not in used]
-    strange = [t for t in strange if not t.type.startswith(NO_MEASUREMENTS) or "MultiArray" in t.type]
-    for t in [t for t in strange if "MultiArray" in t.type and name_meaning(t.name)[0] in ("range", "rssi")]:
+    of_readings = {t.name for t in strange if name_meaning(t.name)[0] in ("range", "rssi")}  # also in a std_msgs/String
+    strange = [
+        t for t in strange if not t.type.startswith(NO_MEASUREMENTS) or "MultiArray" in t.type or t.name in of_readings
+    ]
+    for t in [t for t in strange if "MultiArray" in t.type and t.name in of_readings]:
         strange.remove(t)
         unused.append(f"{t.name}, an array that does not say of what: write {EACH}")
     if unread := [f"{t.name} ({t.type})" for t in strange]:
@@ -204,7 +217,7 @@ def _topics(by_robot: Mapping[str, str], why: str) -> Entry:
 
 
 def _wheels(found: Sequence[TopicInfo], of_fields: Mapping[str, CsvTable]) -> dict[str, str]:
-    """Return the topics of odometry by robot: odometry counts first, then measured speeds, then commanded ones."""
+    """Return the topics of odometry by robot: odometry counts first, then speeds, commands, and poses by a camera."""
     fields = [
         topic
         for topic, table in of_fields.items()
@@ -214,7 +227,7 @@ def _wheels(found: Sequence[TopicInfo], of_fields: Mapping[str, CsvTable]) -> di
     for forms in (["Odometry"], ["TwistStamped", "TwistWithCovarianceStamped"], [], ["Twist"]):
         if some := [t.name for t in found if t.type.rpartition("/")[2] in forms] if forms else fields:
             return topics_by_robot(some)
-    return {}
+    return topics_by_robot([t.name for t in found if "x [m]" in t.columns and VISUAL & {*words_of(t.name)}])
 
 
 def _truth(truth: Mapping[str, str], series: Mapping[str, TopicSeries]) -> DraftTable:
@@ -269,33 +282,71 @@ def _is_moved_by_odometry(table: CsvTable, child: str, words: set[str]) -> bool:
 def _readings_of_fields(
     of_fields: Mapping[str, CsvTable], robots: Sequence[str], fixed: Sequence[str]
 ) -> list[DraftTable]:
-    """Return ranges and RSSI in messages of types that are not usual, by the names of their fields."""
+    """Return sightings, ranges and RSSI in messages of types that are not usual, by the names of their fields."""
     lines: dict[tuple[str, str, str], tuple[Entry, ...]] = {}
-    nodes: dict[tuple[str, str, str], dict[str, str]] = {}
+    heard: dict[tuple[str, str, str], list[tuple[str, list[str], list[str]]]] = {}  # robot, words, and its own
     for topic, table in of_fields.items():
         own = next((robot for robot in robots if robot in topic or len(robots) == 1), "")
         ends = [g for quantity in ("robot", "other") for g in table.guesses if g.quantity == quantity]
         named = [("robot", ends[0])] * (not own) + [("other", ends[-1])] if len(ends) > (not own) else []
-        for kind in ("range", "rssi") if named else ():
-            place, of_kind = _place(ends[-1]), [g for g in table.guesses if g.quantity == kind]
-            groups = split_readings([g for g in of_kind if _place(g) == place] or of_kind, named=True)
-            if not groups:
-                continue
+        for table_name, columns in _reading_columns(topic, table, _place(ends[-1])).items() if named else ():
             pattern = topic.replace(own, "{robot}") if own else topic
             words = [word for _, guess in named for word in table.names(guess.column)]
-            mine = table.names(ends[0].column) if own and len(ends) > 1 else []
-            key = kind, pattern, groups[0][0].column
-            known = nodes.setdefault(key, {})
-            alike = match_names([word for word in words if clean_name(word) not in fixed], robots)
-            known |= {} if own in alike.values() else alike  # no robot measures itself: these are of anchors
-            known |= {mine[0]: own} if len(mine) == 1 and mine[0] not in words else {}
-            own_fields = (column_entry(quantity, guess) for quantity, guess in ((kind, groups[0][0]), *named))
+            key = table_name, pattern, next(iter(columns.values())).column
+            heard.setdefault(key, []).append((own, words, table.names(ends[0].column) if len(ends) > 1 else []))
+            own_fields = (column_entry(quantity, guess) for quantity, guess in (*columns.items(), *named))
             lines[key] = Entry("topic", pattern, "its messages have such fields", "likely"), *own_fields
     why = "these words in the messages and the names of the robots are alike, or are of one robot's topic"
     found = []
     for key, entries in lines.items():
-        of = (Entry("nodes", nodes[key], why, "likely"),) * bool(nodes[key])
-        found.append(DraftTable("rssi" if key[0] == "rssi" else "ranges", (*entries, *of)))
+        nodes = match_names([w for _, words, _ in heard[key] for w in words if clean_name(w) not in fixed], robots)
+        if any(own and own == nodes.get(word) for own, words, _ in heard[key] for word in words):
+            nodes = {}  # no robot measures itself: these are of anchors
+        nodes |= {mine[0]: own for own, words, mine in heard[key] if own and len(mine) == 1 and mine[0] not in words}
+        found.append(DraftTable(key[0], (*entries, *[Entry("nodes", nodes, why, "likely")] * bool(nodes))))
+    return found
+
+
+def _reading_columns(topic: str, table: CsvTable, place: str) -> dict[str, dict[str, Guess]]:
+    """Return the columns of each table that fields make, those in the part of a message that names things first."""
+    found = dict[str, dict[str, Guess]]()
+    for name, quantity in (("ranges", "range"), ("rssi", "rssi")):
+
+        def order(g: Guess, quantity: str = quantity) -> tuple[bool, ...]:
+            last = g.column.rpartition(".")[2]
+            return _place(g) != place, name_meaning(last)[0] != quantity, not is_plain(last)
+
+        if some := sorted((g for g in table.guesses if g.quantity == quantity), key=order):
+            found[name] = {quantity: some[0]}
+            beside = first_columns([g for g in table.guesses if _place(g) == _place(some[0])], ("bearing",))
+            if quantity == "range" and beside:
+                found["sightings"] = found.pop(name) | beside
+    at = next((g.column.removesuffix(".z") for g in table.guesses if g.column.endswith("position.z")), "")
+    if at and not found and SEEN & {*words_of(topic)}:
+        x, y, z = (f"{at}.{q}" for q in "xyz")
+        is_optical = np.ptp(table.numbers(z)) > np.ptp(table.numbers(y))  # of two axes the upright one changes little
+        why = (
+            f"axes of {'a camera, z ahead and x to the right' if is_optical else 'a robot, x ahead and y to the left'}"
+        )
+        ahead, left = (z, x) if is_optical else (x, y)
+        unit = "-m" if is_optical else "m"
+        found["sightings"] = {"x": Guess(ahead, "x", "m", "", why), "y": Guess(left, "y", unit, "", why)}
+    return found
+
+
+def _ranges_by_frame(
+    messages: Mapping[str, Mapping[str, Sequence[object]]], robots: Sequence[str], fixed: Sequence[str]
+) -> dict[str, CsvTable]:
+    """Return the fields of sensor_msgs/Range in robots' own topics where the frames are what was measured."""
+    found = {}
+    for topic, fields in messages.items():
+        table, own = table_of_fields(topic, fields), next((robot for robot in robots if robot in topic), "")
+        words = table.names("header.frame_id")
+        meant = {*words, *match_names(words, robots).values()}
+        if own and own not in meant and meant & {*robots, *fixed}:
+            why = "the frames of its headers are robots or places"
+            guesses = (g._replace(quantity="other", reason=why) if "frame_id" in g.column else g for g in table.guesses)
+            found[topic] = table._replace(guesses=tuple(guesses))
     return found
 
 
@@ -315,12 +366,14 @@ def _odometry(
     Where they never turn, turn rates are those of `imus`, the topics of gyroscopes by robot.
     """
     first, every = next(iter(wheels.values())), [series[topic] for topic in wheels.values() if topic in series]
-    kind, why, where = "velocity", "its messages have speeds", _topics(wheels, "its messages have speeds")
+    kind, why, where = "velocity", "its messages have speeds", _topics(wheels, "its messages are of motion")
     if every and every[0].type.endswith("/Odometry"):
         where = _topics(wheels, "its type is Odometry")
         why = "the headings of the poses do not turn as the turn rates beside them"
         if all(map(_turns_as_stated, every)) and any(np.ptp(one.select("x [m]")) > 0.01 for one in every):
             kind, why = "pose", "poses lose nothing with a lost message"
+    elif every and "x [m]" in every[0].columns:
+        return [DraftTable("odometry", (Entry("kind", "pose", "its messages are poses", "perhaps"), where))]
     own = first_columns(of_fields[first].guesses, ("speed", "turn_rate")) if first in of_fields else {}
     fields = [column_entry(quantity, guess) for quantity, guess in own.items()]
     turns = "turn_rate" in own or any(one.select("omega [rad/s]").any() for one in every)

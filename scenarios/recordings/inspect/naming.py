@@ -45,6 +45,8 @@ def name_meaning(column: str) -> tuple[str, str, str]:
     words = words_of(plain)
     pair = next((f"{a} {b}" for a, b in pairwise(words) if f"{a} {b}" in QUANTITY_OF_PAIR), "")
     known = [QUANTITY[word] for word in words if word in QUANTITY]
+    names = [QUANTITY.get(word) for word in words_of(column.rpartition(".")[2])] if "." in column else []
+    known = [quantity for quantity in names if quantity in ("robot", "other")] or known  # ranges.id is no range
     unknown = "range" if "{other}" in column and words in (["r"], ["rho"]) else ""
     quantity = QUANTITY_OF_PAIR[pair] if pair else min(known, key=list(_WORDS["quantities"]).index, default=unknown)
     if quantity == "nothing" or words[-1:] in AXES.get(quantity, ()):
@@ -168,10 +170,15 @@ def file_pattern(files: Sequence[str], known: Sequence[str] = ()) -> tuple[str, 
 def match_names(words: Iterable[str], robots: Sequence[str]) -> dict[str, str]:
     """Return the robots that words mean, by equal letters and digits, else last number, last word, or first word.
 
-    A robot that is among the words by its own name is not meant by another: beside robot1, a1 is an anchor.
+    A robot that is among the words by its own name is not meant by another: beside robot1, a1 is an anchor. As many
+    numbers as robots, but for one more or less each, are theirs in order: 1, 2 and 3 of tb3_0, tb3_1 and tb3_2.
     """
     found, words = dict[str, str](), list(dict.fromkeys(words))
-    nameless = [robot for robot in robots if robot not in words]
+    nameless, numbers = [robot for robot in robots if robot not in words], numbers_of(robots)
+    if len(words) == len(robots) > 1 and all(map(str.isdigit, words)):
+        counted, known = (sorted(map(int, some)) for some in (words, numbers))
+        if [n - counted[0] for n in counted] == [n - known[0] for n in known] and abs(counted[0] - known[0]) == 1:
+            return {word: numbers[str(int(word) - counted[0] + known[0])] for word in words}
     forms = (
         letters_of,
         lambda name: "".join(map(str, map(int, re.findall(r"\d+", name)[-1:]))),

@@ -14,6 +14,7 @@ from cooploc.scenarios.recordings.inspect.findings import (
     divide_columns,
     unit_of_ratio,
 )
+from cooploc.scenarios.recordings.radio_nodes import NodeRanges, assign
 from cooploc.scenarios.recordings.team_log import other_names
 
 RANGE_UNITS = (*LENGTH_UNITS, ("unit", "mm", 10.0), ("unit", "cm", 0.1))  # cm taken for mm, or mm for cm
@@ -55,7 +56,10 @@ def check_delays(c: CheckedLog) -> None:
 
 def check_biases(c: CheckedLog) -> None:
     """Find ranges of a pair that are too long or too short by a constant."""
+    unrelated = {one.table for one in c.findings if one.kind == "names"}
     for channel, readings in motion.range_channels(c.log):
+        if motion.TABLES[channel] in unrelated:
+            continue
         residual = readings.values[:, 0] - motion.distances(c.log, channel)
         found = {}
         for i, k, rows in motion.pairs(readings, channel):
@@ -70,6 +74,38 @@ def check_biases(c: CheckedLog) -> None:
             key, typical = BIAS_KEYS.get(channel), np.median(list(found.values()))
             setting = f"{key} = {typical:.2f}" if key else "calibrate the camera"
             c.add("bias", None, readings.source, fact, "sure", setting, "model")
+
+
+UNRELATED = 0.8  # times the spread of the distances, from which ranges do not follow them
+VARIED = 0.3  # [m] spread of distances, from which ranges can follow them
+
+
+def check_names(c: CheckedLog) -> None:
+    """Find ranges that do not follow the distances of who they name, and between robots whose they follow instead."""
+    for channel, readings in motion.range_channels(c.log):
+        distance, pairs = motion.distances(c.log, channel), list(motion.pairs(readings, channel))
+        spreads = [
+            (motion.robust_sd(readings.values[rows, 0] - distance[rows]), motion.robust_sd(distance[rows]))
+            for _, _, rows in pairs
+            if np.isfinite(distance[rows]).sum() >= motion.FEWEST
+        ]
+        varied = [(off, spread) for off, spread in spreads if spread > VARIED]
+        if 2 * sum(off > UNRELATED * spread for off, spread in varied) <= len(varied):
+            continue
+        off, spread = np.median(varied, axis=0)
+        fact = f"ranges do not follow the distances of who they name: they are {off:.2g} m off where distances change"
+        fact, setting = f"{fact} by {spread:.2g} m", "nodes, or the places of anchors: whose name is whose"
+        robots, truths = c.log.robots, [motion.known_truth(c.log, i) for i in range(len(c.log.robots))]
+        known = {robots[i]: truth for i, truth in enumerate(truths) if truth is not None}
+        if channel == "range" and len(known) == len(robots) > 2:
+            values = readings.values[:, 0]
+            ranges = [NodeRanges(robots[i], robots[k], readings.time[rows], values[rows]) for i, k, rows in pairs]
+            found = assign(ranges, known)
+            if found.residual < off / 2 and found.second > 2 * found.residual:
+                other = [f"{node} is {robot}" for robot, node in found.nodes.items() if node != robot]
+                fact += f"; with other names they are {found.residual:.2g} m off"
+                setting = f"nodes: who is read as {', '.join(other)}"
+        c.add("names", None, readings.source, fact, "likely", setting, motion.TABLES[channel])
 
 
 CAMERA_OFFSET = 0.15  # [rad] of a camera against straight ahead

@@ -18,6 +18,8 @@ DEFINITIONS = {
     "gazebo_msgs/msg/ModelStates": "string[] name\ngeometry_msgs/Pose[] pose\ngeometry_msgs/Twist[] twist",
     "mocap_msgs/msg/Body": "string rigid_body_name\ngeometry_msgs/Pose pose",
     "mocap_msgs/msg/Bodies": "std_msgs/Header header\nuint32 frame_number\nmocap_msgs/Body[] rigidbodies",
+    "lab_msgs/msg/Identified": "string id\nsensor_msgs/Range range\nfloat64 variance",
+    "lab_msgs/msg/Ranges": "std_msgs/Header header\nlab_msgs/Identified[] ranges",
     "lab_msgs/msg/Wheels": "std_msgs/Header header\nfloat64 linear_velocity\nfloat64 angular_velocity",
     "lab_msgs/msg/Place": "std_msgs/Header header\nfloat64 x\nfloat64 y\nfloat64 theta",
 }
@@ -47,11 +49,11 @@ def together(topic, name, fields):
     return messages
 
 
-def ranges(topic, name, field="data", unit=1.0):
+def ranges(topic, name, field="data", unit=1.0, more=lambda other: {}, wrap=lambda one: one):
     def messages(files):
         for t, robot, other, d in zip(*files["uwb.csv"].values(), strict=True):
             value = round(d / unit) if "Int" in name else d / unit
-            yield topic.format(robot, other), name, t, {field: value}
+            yield topic.format(robot, other), name, t, wrap({field: value} | more(other))
 
     return messages
 
@@ -77,9 +79,9 @@ def frames(parent):
 
 
 def beside_an_estimate(files):
-    """The truth, and in topics that come first in the alphabet what a filter says."""
-    estimates = truth("/amcl/{}/pose", f"{G}PoseStamped", lambda x, y, h: posed(x + 1, y - 1, h))
-    return [*estimates(files), *USUAL["truth"](files)]
+    """The truth, and in topics that come first in the alphabet what two filters say."""
+    makes = (truth(f"/{name}/pose", f"{G}PoseStamped", lambda x, y, h: posed(x + 1, y - 1, h)) for name in ESTIMATES)
+    return [*(one for make in makes for one in make(files)), *USUAL["truth"](files)]
 
 
 def upright(x, y, heading):
@@ -101,7 +103,7 @@ def on_globe(x, y, heading):
     return {"latitude": ORIGIN[0] + y / north, "longitude": ORIGIN[1] + x / east}
 
 
-G = "geometry_msgs/msg/"
+G, ESTIMATES = "geometry_msgs/msg/", ("amcl/{}", "{}/local_position")
 USUAL = {
     "odometry": odometry("/{}/odom", "nav_msgs/msg/Odometry", lambda v, w: {
         "twist.twist.linear.x": v, "twist.twist.angular.z": w}),
@@ -131,6 +133,11 @@ HABITS = {
         "rigidbodies": [{"rigid_body_name": name} | posed(*one) for name, one in poses.items()]})},
     "floats": {"ranges": ranges("/{}/range_to/{}", "std_msgs/msg/Float32")},
     "millimetres": {"ranges": ranges("/{}/range_to/{}", "std_msgs/msg/Int32", unit=1e-3)},
+    "frames of headers": {"ranges": ranges("/{}/uwb", "sensor_msgs/msg/Range", "range", more=lambda r: {
+        "header.frame_id": r})},
+    "an array": {"ranges": ranges("/{}/uwb/range", "lab_msgs/msg/Ranges", "range.range", more=lambda r: {"id": r},
+        wrap=lambda one: {"ranges": [one]})},
+    "poses of a camera": {"odometry": truth("/{}/orb_slam3/pose", f"{G}PoseStamped", posed)},
     "the only teammate": {"ranges": ranges("/{}/uwb/range", "sensor_msgs/msg/Range", "range")},
 }  # fmt: skip
 
@@ -159,10 +166,30 @@ def test_the_team_is_read_from_messages_of_many_types(tmp_path, habit):
         headed = np.isfinite(there[:, 2])
         turned = np.interp(log.truth[i].time, t, np.unwrap(heading)) - there[:, 2]
         np.testing.assert_allclose(np.cos(turned[headed]), 1.0, atol=1e-3)
+        if habit == "poses of a camera":  # have none of the noise of wheels
+            np.testing.assert_allclose(log.odometry[i].values[:, :2], np.stack(known, -1), atol=0.005)
+            continue
         t, v, omega = files[f"odom_{robot}.csv"].values()
         moved = robot_motion(log, i).odometry
         assert abs(moved.length[-1] - (np.diff(t) * v[:-1]).sum()) < 0.02
         assert abs(moved.turn[-1] - (np.diff(t) * omega[:-1]).sum()) < 0.02
+
+
+def test_what_a_camera_detected_is_drafted_in_its_axes_and_text_is_named(tmp_path):
+    files = two_robots(seconds=40)
+    made = [one for kind in ("odometry", "truth") for one in USUAL[kind](files)]
+    definitions = {"lab_msgs/msg/Tag": "string[] id\ngeometry_msgs/PoseStamped pose"}
+    definitions["lab_msgs/msg/Tags"] = "std_msgs/Header header\nlab_msgs/Tag[] detections"
+    for k, t in enumerate(files["odom_red.csv"]["time"]):
+        tag = {"id": ["blue"], "pose.pose.position.x": -1.5, "pose.pose.position.y": 0.1}
+        seen = [tag | {"pose.pose.position.z": 2.0 + 0.1 * (k % 9)}]
+        made.append(("/red/tag_detections", "lab_msgs/msg/Tags", t, {"detections": seen}))
+        made.append(("/uwb/data", "std_msgs/msg/String", t, {"data": "{}"}))
+    write_messages(tmp_path / "team", made, definitions)
+    found = inspect_recording(tmp_path)
+    seen = found.log.readings["sighting"].values
+    np.testing.assert_allclose(seen[:2], [[2.5, np.arctan2(1.5, 2.0)], [np.hypot(2.1, 1.5), np.arctan2(1.5, 2.1)]])
+    assert any("not read: /uwb/data (std_msgs/msg/String)" in line for line in found.unused)
 
 
 def test_what_a_camera_saw_may_be_places_in_its_axes(tmp_path):

@@ -129,6 +129,7 @@ FAULTS = {
     "stale positions": ("stale", "r1", "trajectory", series("truth", 1, repeat)),
     "a leap": ("jump", "r1", "trajectory", series("truth", 1, leap)),
     "a gap": ("gap", "r1", "trajectory", series("truth", 1, gap)),
+    "names of others": ("names", "", "trajectory", readings(["range"], "other", lambda r: 3 - r.robot - r.other)),
     "a biased pair": ("bias", "", "camera", readings(RANGES, "values", bias)),
 }
 

@@ -372,6 +372,9 @@ def test_beside_a_robot_by_its_name_a_number_is_of_no_robot():
     assert match_names(["robot1", "robot2", "a1", "a2"], ["robot1", "robot2"]) == {}
     assert match_names(["1", "2"], ["robot1", "robot2"]) == {"1": "robot1", "2": "robot2"}
     assert match_names(["r0", "r01"], ["0", "1"]) == {"r0": "0", "r01": "1"}
+    counted_from_one = {"1": "tb3_0", "2": "tb3_1", "3": "tb3_2"}
+    assert match_names(["2", "1", "3"], [*counted_from_one.values()]) == counted_from_one
+    assert match_names(["1", "2"], [*counted_from_one.values()]) == {"1": "tb3_1", "2": "tb3_2"}
 
 
 def test_numbers_that_a_robot_would_share_with_itself_are_of_anchors(team):
