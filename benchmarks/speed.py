@@ -190,14 +190,14 @@ def weighing(rounds: int) -> Iterator[Line]:
     """Measure the weights of covariance intersection by cvxpy, each fusion a program of its own, as CTRN takes them."""
     rng = np.random.default_rng(2)
     a = rng.normal(size=(FUSIONS, 2, 2))
-    P, H, alone = a @ a.mT + 0.1 * np.eye(2), rng.normal(size=(FUSIONS, 1, 2)), np.arange(FUSIONS)
+    P, H = a @ a.mT + 0.1 * np.eye(2), rng.normal(size=(FUSIONS, 1, 2))
 
     def ask() -> None:
         for p, h in zip(P[:FRESH], H, strict=False):
             ask_cvxpy(p, 0.05 * p, h)
 
     def solve() -> None:
-        solve_relative(P, 0.05 * P, H, -H, np.eye(1), "trace", "cvxpy", 2, alone)
+        solve_relative(P, 0.05 * P, H, -H, np.eye(1), "trace", "cvxpy")
 
     ask(), solve()  # to compile
     taken = [(seconds(ask) / FRESH, seconds(solve) / FUSIONS) for _ in range(rounds)]

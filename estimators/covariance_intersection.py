@@ -49,14 +49,12 @@ def solve_relative(
     criterion: Criterion = "trace",
     solver: Solver = "cvxpy",
     block: int = 2,
-    groups: Indices | None = None,
 ) -> Solution:
     """Find the best w of (1) for own P_i (K, d, d), received P_j (K, e, e), H_i (K, k, d), H_j (K, k, e), R (k, k).
 
     w is in [LEAST, 1]. It is 1, which leaves the belief as it is, where anything is nan, where the sender knows nothing
     (every variance infinite), and where the reading cannot help. The criterion is about so many leading states as
-    `block` says. "cvxpy" takes states of two numbers. It stacks the fusions of one group (K,), which change one another
-    in the last bits. A covariance that is none raises BadInput.
+    `block` says. "cvxpy" takes states of two numbers. A covariance that is none raises BadInput.
     """
     P_i, P_j = np.array(P_i, float, order="C"), np.array(P_j, float, order="C")
     R = spread_out(np.asarray(R, float), (len(P_i), H_i.shape[1], H_i.shape[1]))
@@ -83,8 +81,7 @@ def solve_relative(
             _fill_values(*z, w, values, axes)
             return values
 
-        group = np.zeros(len(rows), np.int64) if groups is None else np.asarray(groups)[rows]
-        found = np.maximum(covariance_intersection_cvxpy.solve(*z[:4], group), LEAST)
+        found = np.maximum(covariance_intersection_cvxpy.solve(*z[:4]), LEAST)
         found[(value(np.ones_like(w)) <= value(found)) & np.isfinite(found)] = 1.0  # cvxpy only comes near 1
         failed = solution.fallback[rows] = ~(value(found) / value(w) - 1 <= TRUSTED)
         if failed.any():

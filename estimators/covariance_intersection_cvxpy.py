@@ -7,49 +7,24 @@ each unit vector. After that other parameters cost a product with a sparse matri
 Source of DPP: A. Agrawal et al., "Differentiable convex optimization layers", NeurIPS 2019.
 """
 
-from collections.abc import Callable
 from contextlib import suppress
-from functools import cache, lru_cache
+from functools import lru_cache
 from importlib import import_module
-from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.sparse import csc_array, csr_array
 
-from cooploc.estimators.interface import Array, Indices
+from cooploc.estimators.interface import Array
 
 
 class Canonical(NamedTuple):
     """min q'x  s.t.  b - A x in the cones, of n variables, l rows and p parameters."""
 
-    q: Array  # (n,)
-    rows: Indices  # (nonzeros,)  of A, column by column
-    starts: Indices  # (n + 1,)  where each column starts
-    fixed: Array  # (nonzeros + l,)  the entries of A, then b, at theta = 0
-    slope: Any  # (nonzeros + l, p)  sparse: what each parameter adds to them
-    cones: list[Any]
-
-    def stack(self, K: int) -> Callable[[Array, Array], Array]:
-        """Return a function that solves K such problems as one: x (K, n) for A (K, nonzeros) and b (K, l)."""
-        import clarabel
-
-        settings = clarabel.DefaultSettings()
-        settings.verbose = False
-        settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-10
-        settings.iterative_refinement_enable = False  # a third of the time, and as accurate in these coordinates
-        n, height = len(self.q), len(self.fixed) - len(self.rows)
-        copy, q, cones = np.arange(K)[:, None], np.tile(self.q, K), self.cones * K
-        starts = np.append(self.starts[:-1] + copy * len(self.rows), K * len(self.rows))
-        pattern = np.zeros(K * len(self.rows)), (self.rows + height * copy).ravel(), starts
-        P, whole = csc_array((K * n, K * n)), csc_array(pattern, shape=(K * height, K * n))
-
-        def solve(A: Array, b: Array) -> Array:
-            whole.data = A.ravel()
-            found = clarabel.DefaultSolver(P, q, whole, b.ravel(), cones, settings).solve()
-            return np.array(found.x).reshape(K, n)
-
-        return solve
+    entries: int  # of A that are not zero
+    fixed: Array  # (entries + l,)  the entries of A, then b, at theta = 0
+    slope: Any  # (entries + l, p)  sparse: what each parameter adds to them
+    solver: Any  # Clarabel's; it keeps what depends on the shape alone, and no answer depends on the one before
 
 
 # The program of one fusion: one's own weight w and v = 1 - w weigh terms B_0 and n_k B_k of the information, with
@@ -65,13 +40,11 @@ class Canonical(NamedTuple):
 #     min w + v   s.t.   c >= 0,   X = Y(c) - C,   ||(2 X_12, 2 gamma, X_11 - X_22)|| <= X_11 + X_22,
 #
 # that is X >= 0 with det X >= gamma^2. The determinant has C = 0, gamma = 1: det Y >= 1. The trace has gamma^2 = det C:
-# det Y >= tr(adj(C) Y), which is tr(C Y^-1) <= 1. Fusions of one group are one program, the sum of theirs, listed in an
-# order that only their values give, as the solver couples them in their last bits.
-
-STACK = 128  # fusions in one program, at most: the time of each grows slowly with their number
+# det Y >= tr(adj(C) Y), which is tr(C Y^-1) <= 1. Every fusion is a program of its own: several in one, the sum of
+# theirs, take two thirds of the time, but the solver would couple them in their last bits.
 
 
-def solve(B: Array, C: Array, sigma: Array, trace: bool, groups: Indices) -> Array:
+def solve(B: Array, C: Array, sigma: Array, trace: bool) -> Array:
     """Return one's own weights (K,) for `_whiten`'s B, C, sigma of two numbers, to be checked; nan where none."""
     k, own, others = sigma.shape[1], B[:, :1], B[:, 1:]
     terms = np.concatenate([own, others.sum(1, keepdims=True), (1 - sigma)[..., None, None] * others], 1)
@@ -80,20 +53,13 @@ def solve(B: Array, C: Array, sigma: Array, trace: bool, groups: Indices) -> Arr
     theta = terms[..., 0, 0], terms[..., 0, 1], terms[..., 1, 1], C11, C12, C22, gamma, sigma, np.sqrt(sigma)
     program = _cone_program(k)
     entries = (program.slope @ np.column_stack(theta).T).T + program.fixed
-    A, b = np.split(entries, [len(program.rows)], 1)
-    x, stack_of = np.full((len(B), len(program.q)), np.nan), cache(program.stack)
-    order = np.lexsort((*sigma.T, *C.T.reshape(-1, len(C)), *B.T.reshape(-1, len(B)), groups))
-    ends = [0, *(np.flatnonzero(np.diff(groups[order])) + 1).tolist(), len(order)]
-    A, b = A[order], b[order]
-    for first, last in pairwise(ends):
-        for i in range(first, last, STACK):
-            rows = slice(i, min(i + STACK, last))
-            with suppress(Exception):  # a solver may raise anything; the exact weights are used then
-                x[rows] = stack_of(rows.stop - i)(A[rows], b[rows])
-    x[order] = x.copy()
-    with np.errstate(divide="ignore", invalid="ignore"):  # a failed solver's x may be anything
-        w: Array = x[:, 0] / (x[:, 0] + x[:, 1])
-    return np.clip(w, 0.0, 1.0)
+    w: Array = np.full(len(B), np.nan)
+    for i, (A, b) in enumerate(zip(*np.split(entries, [program.entries], 1), strict=True)):
+        with suppress(Exception):  # a solver may raise anything; the exact weight is used then
+            program.solver.update(A=A, b=b)
+            x = program.solver.solve().x
+            w[i] = x[0] / (x[0] + x[1])
+    return np.asarray(np.clip(w, 0.0, 1.0))
 
 
 @lru_cache
@@ -118,5 +84,13 @@ def _cone_program(k: int) -> Canonical:
 
     data, fixed = form(np.zeros(theta.size))
     slope = csr_array(np.stack([form(unit)[1] - fixed for unit in np.eye(theta.size)], 1))
-    cones = import_module("cvxpy.reductions.solvers.conic_solvers.clarabel_conif").dims_to_solver_cones(data["dims"])
-    return Canonical(data["c"], data["A"].indices, data["A"].indptr, fixed, slope, cones)
+    of_cvxpy = import_module("cvxpy.reductions.solvers.conic_solvers.clarabel_conif")
+    clarabel: Any = import_module("clarabel")
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-10
+    settings.iterative_refinement_enable = False  # a third of the time, and as accurate in these coordinates
+    settings.equilibrate_enable = settings.presolve_enable = False  # so that only the numbers are new
+    A, cones = data["A"], of_cvxpy.dims_to_solver_cones(data["dims"])
+    solver = clarabel.DefaultSolver(csc_array((m, m)), data["c"], A, data["b"], cones, settings)
+    return Canonical(len(A.data), fixed, slope, solver)

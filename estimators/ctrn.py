@@ -16,7 +16,7 @@ import numpy as np
 from cooploc.estimators import particles as shared
 from cooploc.estimators.compiled import inlined, kernel, readable, wide
 from cooploc.estimators.covariance_intersection import PIVOT, solve_relative, weight_equation, weight_root
-from cooploc.estimators.interface import Array, Belief, Indices, Mail, Mask, Rows, Senses, Sensor, World
+from cooploc.estimators.interface import Array, Belief, Mail, Mask, Rows, Senses, Sensor, World
 from cooploc.estimators.kalman import inflated_update, soften_pair, symmetric
 from cooploc.estimators.models import NEAR, TOO_NEAR_TO_RANGE, LogDistance, Range, wrap_heading
 from cooploc.estimators.particle_likelihood import log_density, pack, unpack
@@ -29,7 +29,6 @@ class State(NamedTuple):
     """The memory of one robot."""
 
     own: shared.FilterState
-    solver_group: Indices  # (r,)  solved separately, so that no result depends on another robot in its last bits
     received: Belief  # x (r, n, 2), P (r, n, 2, 2)  own position by each sender's packets alone, nan before the first
     belief: Belief
     fusions: Array  # (r,)  how many there were
@@ -149,7 +148,7 @@ def intersect(
     if use.size:
         R = np.broadcast_to(sensor.R, (use.size, *sensor.R.shape))
         parts = belief.P[use, :2, :2], P_j[use], H[use][..., :2], H_j[use], R  # a radio reads no heading
-        found = solve_relative(*parts, p.criterion, p.weights, groups=s.solver_group[use])
+        found = solve_relative(*parts, p.criterion, p.weights)
         w[use] = found.w
         fused, failed = np.zeros((2, len(w)))
         fused[use], failed[use] = 1.0, found.fallback
@@ -341,9 +340,8 @@ class Ctrn:
     def init(self, prior: Belief, world: World, rows: Rows) -> State:
         senders, r = world.robots if self.fusion == "received" else 0, len(prior.x)
         nothing = Belief(np.full((r, senders, 2), np.nan), np.full((r, senders, 2, 2), np.nan))
-        group = rows.trial * world.robots + rows.robot
         own = shared.init(self, prior, shared.take_sightings_for_ranges(world), rows)
-        return State(own, group, nothing, prior, np.zeros(r), np.zeros(r))
+        return State(own, nothing, prior, np.zeros(r), np.zeros(r))
 
     def predict(self, s: State, z: Senses) -> State:
         """Move the particles; of senders' packets x' = x + (f(m, u) - m), P' = P + Q, m (r, d) the last estimate."""
