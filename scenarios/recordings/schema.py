@@ -52,10 +52,10 @@ from cooploc.scenarios.worlds.radio import Positive
 
 UNITS: dict[str, dict[str, float]] = {  # SI unit -> unit -> one of it in SI
     "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
-    "m": {"m": 1.0, "cm": 1e-2, "mm": 1e-3},
-    "rad": {"rad": 1.0, "deg": math.pi / 180},
-    "m/s": {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3, "km/h": 1 / 3.6},
-    "rad/s": {"rad/s": 1.0, "deg/s": math.pi / 180},
+    "m": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "ft": 0.3048, "in": 0.0254},
+    "rad": {"rad": 1.0, "deg": math.pi / 180, "mrad": 1e-3},
+    "m/s": {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3, "km/h": 1 / 3.6, "ft/s": 0.3048, "in/s": 0.0254, "mph": 0.44704},
+    "rad/s": {"rad/s": 1.0, "deg/s": math.pi / 180, "mrad/s": 1e-3},
     "dBm": {"dBm": 1.0},
     "": {"": 1.0},
 }

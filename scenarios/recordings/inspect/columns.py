@@ -45,6 +45,7 @@ class CsvTable(NamedTuple):
     columns: Mapping[str, Array | tuple[str, ...]]  # numbers (rows,), nan where empty; else the fields as they are
     guesses: tuple[Guess, ...] = ()
     robots: tuple[str, ...] = ()  # whose names stand in place of {robot} in the names of columns
+    units: Mapping[str, str] = {}  # of columns, in a line below their names
 
     def numbers(self, column: str) -> Array:
         """Return a column's finite numbers, in order; none of a column of words."""
@@ -76,6 +77,9 @@ def read_csv(path: Path, name: str) -> CsvTable:
         kinds = ", ".join([*map(short_repr, [*sizes][:3]), *["..."] * (len(sizes) > 3)])
         raise BadInput(f"{path}: {SEVERAL_KINDS} ({kinds}); write a file of each kind, with a line of names above")
     whole = [row for _, row in rows if len(row) == len(head)]
+    below = whole[0] if whole and not any(np.isfinite(parse_field(word)) for word in whole[0]) else ()
+    is_units = {"".join(naming.words_of(word)[:1]) for word in below} & {"s", "sec", "ms", "us", "ns"}
+    units = dict(zip(head, below, strict=False)) if is_units else {}
     if not rows:
         raise BadInput(f"{path}: it has no line of data with {len(head)} fields as in line {line}; get the file again")
     if len(whole) < LEAST_LEFT * len(rows):
@@ -89,7 +93,7 @@ def read_csv(path: Path, name: str) -> CsvTable:
         good, filled = np.isfinite(numbers), (~np.isnan(numbers)).sum()
         is_number = filled and good.sum() >= 0.9 * filled
         columns.setdefault(patterns.get(column, column), np.where(good, numbers, np.nan) if is_number else words)
-    found = CsvTable(name, delimiter, columns, (), robots)
+    found = CsvTable(name, delimiter, columns, (), robots, {patterns.get(c, c): unit for c, unit in units.items()})
     return found._replace(guesses=infer_columns(found))
 
 
@@ -124,13 +128,16 @@ SINCE_1970 = (5e8, 5e9)  # [s] from 1985 to 2128
 SLOW = 2.0  # [1/s] in radians robots turn more slowly, in degrees faster
 NAMES = ("robot", "other")  # quantities whose values are names
 ENDS = ("i", "j", "a", "b", "rx", "tx")  # names of the columns of who measured and what was measured
+RELATIVE = {"dx": "ahead", "dy": "left"}  # quantities that are of places if a column says whose
+MEASURED = {*RELATIVE, "range", "rssi", "bearing", "ahead", "left", "x", "speed"}
 PART = "part of a quaternion"
 TUM = ("time", "x", "y", "")  # quantities of the columns before a quaternion
 
 
 def infer_columns(table: CsvTable) -> tuple[Guess, ...]:
     """Guess the meaning of each column."""
-    file_side, quaternions = naming.side_of(Path(table.name).stem), _quaternions(table)
+    path, quaternions = Path(table.name), _quaternions(table)
+    file_side = naming.side_of(path.stem) or naming.side_of(path.parent.name)
     guesses = [
         quaternions[column]._replace(side=naming.side_of(column) or file_side)
         if column in quaternions
@@ -142,6 +149,18 @@ def infer_columns(table: CsvTable) -> tuple[Guess, ...]:
         for one, quantity in zip(both, NAMES, strict=True):
             if both[0].quantity == both[1].quantity or not {one.quantity for one in both} & {*NAMES}:
                 guesses[guesses.index(one)] = one._replace(quantity=quantity, reason="two columns with the same names")
+    there = {guess.quantity for guess in guesses}
+    alone = [g for g in guesses if not g.quantity and len(table.numbers(g.column)) and g.reason != PART]
+    for k, guess in enumerate(guesses if {"time", "other"} <= there else ()):  # what was measured of another
+        if guess.quantity in RELATIVE and {*RELATIVE} <= there:
+            guesses[k] = guess._replace(
+                quantity=RELATIVE[guess.quantity], reason=f"{guess.reason}; beside who was seen"
+            )
+        elif not there & MEASURED and alone == [guess]:
+            kind = "rssi" if (table.numbers(guess.column) < 0).all() else "range"
+            unit, why = infer_unit(kind, "", table.numbers(guess.column), np.inf)
+            reason = f"the only number beside who was measured, perhaps; {why}"
+            guesses[k] = guess._replace(quantity=kind, unit=unit, reason=reason)
     return tuple(guesses)
 
 
@@ -173,7 +192,9 @@ def _quaternions(table: CsvTable) -> dict[str, Guess]:
 
 
 def _guess(table: CsvTable, column: str, file_side: str) -> Guess:
-    quantity, named_unit, side = naming.name_meaning(column)
+    quantity, named_unit, side = naming.name_meaning(
+        f"{column} [{unit}]" if (unit := table.units.get(column)) else column
+    )
     reason, values = f"its name {column!r}", table.numbers(column)
     change = np.diff(values)
     beside = {naming.name_meaning(name)[::2] for name in table.columns}

@@ -188,7 +188,7 @@ def _name_readings(file: CsvTable, robots: Sequence[str], fixed: Sequence[str]) 
     if own and "robot" in quantities and "other" not in quantities:  # odom_red.csv does not need to say whose it is
         k = quantities.index("robot")
         named = file.names(file.guesses[k].column)
-        meant = {*named, *naming.match_names(named, robots).values()}
+        meant = {*named, *naming.match_names([name for name in named if name not in fixed], robots).values()}
         if own[0] not in meant and meant & {*robots, *fixed}:
             guess = file.guesses[k]._replace(quantity="other", reason=f"its names are not {own[0]}, whose file it is")
             file = file._replace(guesses=(*file.guesses[:k], guess, *file.guesses[k + 1 :]))

@@ -34,7 +34,8 @@ RATES = {"turn_rate": "rad/s", "speed": "m/s"}
 
 def words_of(name: str) -> list[str]:
     """Return the words of a name in small letters: camelCase, digits and signs divide it."""
-    plain = normalize("NFKD", name).encode("ascii", "ignore").decode().replace("{robot}", " ").replace("{other}", " ")
+    plain = normalize("NFKD", name).replace("μ", "u").encode("ascii", "ignore").decode()  # of µs
+    plain = plain.replace("{robot}", " ").replace("{other}", " ")
     return [word.lower() for word in re.findall(r"[A-Za-z]+", re.sub(r"([a-z])([A-Z])", r"\1 \2", plain))]
 
 

@@ -17,10 +17,24 @@ def guessed(folder, columns, name="table.csv"):
     return {guess.column: guess for guess in read_csv(path, path.name).guesses}
 
 
+def test_the_folder_of_a_file_may_say_what_it_is_about(tmp_path):
+    (tmp_path / "red.csv").write_text("t,x,y\n" + "".join(f"{k},{k},{k}\n" for k in range(LINES)))
+    sides = [
+        read_csv(tmp_path / "red.csv", f"{folder}red.csv").guesses[1].side for folder in ("", "groundtruth/", "vio/")
+    ]
+    assert sides == ["", "truth", ""]
+
+
 @pytest.mark.parametrize(
     ("column", "quantity", "unit"),
     [
         ("t", "time", ""),
+        ("timestamp [µs]", "time", "us"),
+        ("x_ft", "x", "ft"),
+        ("speed_ft_s", "speed", "ft/s"),
+        ("Distance in m", "range", "m"),
+        ("ranges.id", "robot", ""),
+        ("ranges.range.range", "range", ""),
         ("Time [ms]", "time", "ms"),
         ("timestamp_ns", "time", "ns"),
         ("header.stamp.sec", "sec", ""),

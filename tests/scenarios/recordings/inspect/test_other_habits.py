@@ -155,6 +155,18 @@ def with_units(text):
     return "\n".join(["// Monday", head, ",".join("s" for _ in head.split(",")), lines])
 
 
+def with_degrees(text):
+    """The text with the units of columns below their names."""
+    head, lines = text.split("\n", 1)
+    units = {"time": "s", "omega": "deg/s", "theta": "deg", "v": "m/s"}
+    return "\n".join([head, ",".join(units.get(column, "") for column in head.split(",")), lines])
+
+
+def in_feet(files):
+    feet = changed(**dict.fromkeys(("x", "y", "v", "range"), lambda metres: metres / 0.3048))
+    return renamed({"x": "x_ft", "y": "y_ft", "v": "speed_ft_s", "range": "range (feet)"})(feet(files))
+
+
 SAME, GERMAN = dict, {"time": "Zeit", "v": "Geschwindigkeit", "omega": "Drehrate", "theta": "Winkel"}
 GERMAN |= {"from": "von", "to": "nach", "range": "Entfernung"}
 SPANISH = {"time": "tiempo", "v": "velocidad", "omega": "velocidad angular", "theta": "orientación"}
@@ -177,6 +189,10 @@ HABITS = {
     "Spanish": (renamed(SPANISH), {"encoding": "latin-1"}, None),
     "UTF-16": (SAME, {"encoding": "utf-16"}, None),
     "millimetres and degrees": (changed(**DEGREES), {"encoding": "utf-8-sig", "lineterminator": "\r\n"}, None),
+    "feet": (in_feet, {}, None),
+    "units below": (changed(omega=np.degrees, theta=np.degrees), {}, with_degrees),
+    "microseconds": (lambda f: renamed({"time": "t (µs)"})(changed(time=lambda t: (1e6 * t).round())(f)), {}, None),
+    "the only number": (renamed({"range": "r"}), {}, None),
     "nanoseconds": (changed(time=lambda t: (1e9 * t).round().astype("int64")), {"index": True}, None),
     "dates": (dates("%Y-%m-%dT%H:%M:%S.%fZ"), {}, None),
     "times of day": (dates("%H:%M:%S.%f"), {}, None),
@@ -277,6 +293,27 @@ def test_anchors_are_meant_by_their_numbers(team):
         assert {*readings.other} == {0, 1}
     found = cl.inspect(team(lambda files: numbered(columns(files))), again=True).inspected
     assert "anchor_range" not in found.log.readings  # d1 may be of robot 1
+
+
+def test_places_of_who_was_seen_are_sightings_and_tags_stand_beside_anchors(team):
+    """dx and dy are no odometry there, and A1 is no robot beside T2, which is robot2."""
+    places = {"A1": (0.0, 0.0), "A2": (8.0, 8.0)}
+    anchors = pd.DataFrame([(name, *at) for name, at in places.items()], columns=["id", "x", "y"])
+
+    def change(files):
+        uwb = files.pop("uwb.csv")
+        seen = uwb.drop(columns="range").rename(columns={"from": "observer", "to": "target"})
+        found = {"seen.csv": seen.replace({"red": "robot1", "blue": "robot2"}).assign(dx=3.0, dy=4.0)}
+        for robot, mate in (("red", "T2"), ("blue", "T1")):
+            own = uwb[uwb["from"] == robot][["time", "range"]]
+            every = pd.concat([own.assign(id=mate), *(own.assign(id=name) for name in places)])
+            found[f"tag_{robot}.csv"] = every.sort_values("time", kind="stable")
+        return numbered({**files, **found}) | {"anchors.csv": anchors}
+
+    readings = cl.inspect(team(change), again=True).inspected.log.readings
+    assert {*readings} == {"range", "anchor_range", "sighting"}
+    assert {*readings["anchor_range"].other} == {0, 1}
+    np.testing.assert_allclose(readings["sighting"].values[0], [5.0, np.arctan2(4, 3)])
 
 
 def test_robots_and_anchors_may_have_the_same_numbers(team):
