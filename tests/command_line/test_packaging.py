@@ -42,6 +42,7 @@ def test_every_folder_with_code_is_a_package():
     assert [folder for folder in sorted(folders) if not (folder / "__init__.py").exists()] == []
 
 
+@pytest.mark.slow
 def test_wheel_and_sdist_hold_every_module(built):
     names = set(zipfile.ZipFile(built[1]).namelist())
     assert names >= SHIPPED

@@ -69,6 +69,7 @@ def test_the_guide_on_claims_has_a_ledger_that_is_read_and_every_kind_with_what_
     assert rows == {name: ", ".join(sorted(kind.needs)) for name, kind in KINDS.items()}
 
 
+@pytest.mark.slow
 def test_the_world_of_the_guide_runs(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     guide = ROOT / "docs/how-to/world.md"

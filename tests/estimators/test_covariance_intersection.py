@@ -151,6 +151,7 @@ SHAPES = pytest.mark.parametrize(
 )
 
 
+@pytest.mark.slow
 @SHAPES
 @pytest.mark.parametrize("family", [ordinary, near_singular, of_some_size], ids=lambda f: f.__name__)
 @CRITERIA

@@ -161,6 +161,7 @@ def test_literal_split_ci_of_independent_priors_is_the_naive_filter():
     assert np.isclose(split.x, naive.x, atol=1e-6).all(-1).mean() > 0.9  # it also leaves alone what is no gain
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robots", [1, 3, 10])
 @pytest.mark.parametrize(
     "label",

@@ -39,6 +39,7 @@ SPANS = {  # the function, numpy's, the arguments, and the errors: absolute, and
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SPANS)
 def test_functions_have_the_error_that_is_stated(name):
     function, exact, (low, high), absolute, relative = SPANS[name]

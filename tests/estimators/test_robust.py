@@ -74,6 +74,7 @@ def test_readings_that_agree_are_used_as_without_a_loss(stream, label):
     np.testing.assert_allclose(hubers, without, rtol=1e-6, atol=1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("label", LABELS)
 def test_late_signals_move_an_estimate_less(stream, label):
     """In the last tick the readings of anchors, and of teammates, are of a place far away."""

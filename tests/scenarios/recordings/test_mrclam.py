@@ -209,6 +209,7 @@ def test_data_sets_are_runs_of_a_team_whose_models_are_fitted(data):
 REAL = Path(os.environ.get("COOPLOC_DATA", Path(__file__).parents[4] / "shared" / "data")) / "mrclam6"
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not REAL.is_dir(), reason="MRCLAM data set 6 is not here; set COOPLOC_DATA to where mrclam6/ lies")
 def test_data_set_6():
     truth, stream = simulate(REAL)
