@@ -257,6 +257,8 @@ def _read_columns(
     if len(turns) > 1:
         x[:, 2] = _heading_of(path, np.pad(of_turns, ((0, 0), (4 - len(turns), 0))))
     elif turned:
+        if turned.unit.startswith("-"):
+            raise BadInput(f"{path}: {turned.column} is clockwise from north: write heading, [rad] from x to y")
         if turned.unit == "deg" and units[3] == 1.0:
             name, why = turned.column, turned.reason.rpartition("; ")[2]
             raise BadInput(f"{path}: {name}: {why}: call it {name}_deg if it is in degrees, else {name}_rad")

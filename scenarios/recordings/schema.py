@@ -269,8 +269,9 @@ class ReadingColumns(Source):
         named = self.other is not None or wide or "{other}" in (self.file or "") or bool(getattr(self, "each", None))
         if self.in_files and not named:
             raise ValueError('what was measured: other = "the column of names", or {other} in the name of the file')
-        if self.other is not None and getattr(self, "each", None):
-            raise ValueError("each and other exclude each other; remove one")
+        both = [name for name in ("other", "others") if getattr(self, name)]
+        if both and getattr(self, "each", None):
+            raise ValueError(f"each and {both[0]} exclude each other; remove one")
         return self
 
 

@@ -44,8 +44,24 @@ def read_json_lines(path: Path) -> pd.DataFrame:
     return pd.json_normalize([one if isinstance(one, dict) else {first: one} for one in found])
 
 
+def read_json(path: Path) -> pd.DataFrame:
+    """Return a line for each object of an array, or of columns by name; either may be all that an object holds."""
+    held = json.loads(path.read_text("utf-8"))
+    while isinstance(held, dict) and len(held) == 1:
+        held = next(iter(held.values()))
+    if isinstance(held, list) and held and all(isinstance(one, dict) for one in held):
+        return pd.json_normalize(held)
+    if isinstance(held, dict) and all(isinstance(column, dict | list) for column in held.values()):
+        return pd.DataFrame(held)
+    raise ValueError
+
+
 # Other files, which are read as the CSV files that they could be.
-OTHER_TABLES: Mapping[str, Callable[[Path], pd.DataFrame]] = {".parquet": pd.read_parquet, ".jsonl": read_json_lines}
+OTHER_TABLES: Mapping[str, Callable[[Path], pd.DataFrame]] = {
+    ".parquet": pd.read_parquet,
+    ".jsonl": read_json_lines,
+    ".json": read_json,
+}
 
 
 class TextTable(NamedTuple):

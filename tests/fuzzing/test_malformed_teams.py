@@ -39,6 +39,7 @@ IN_TOML = [
     ('other = "to"', "", "what was measured"),
     ('range = "d"', "", "name the column"),
     ('range = "d"', 'range = "d"\neach = { north = "d" }', "name the column"),
+    ('other = "to"\nrange = "d"', 'others = { 1 = "a1" }\neach = { red = "d" }', "each and others exclude each other"),
     ("[fit]", "[anchors]\n[fit]", "anchors.places: it is missing"),
     ("[fit]", "[sample]\nstart = 100\n[fit]", "to be judged, less than a tick"),
     ("[fit]", '[prior]\nposition = "somewhere"\n[fit]', "prior.position"),

@@ -23,7 +23,7 @@ from cooploc.scenarios.recordings.inspect.columns import CsvTable, Guess, infer_
 from cooploc.scenarios.recordings.inspect.csv_draft import (
     column_entry,
     first_columns,
-    origin_entry,
+    frame_entries,
     tables_beside_bag,
 )
 from cooploc.scenarios.recordings.inspect.draft_toml import Draft, DraftTable, Entry
@@ -260,7 +260,7 @@ def _truth_of_fields(of_fields: Mapping[str, CsvTable], robots: Sequence[str]) -
         if {*meant.values()} >= {*robots} and not _is_moved_by_odometry(table, column, {*meant}):
             nodes = {word: robot for word, robot in meant.items() if word != robot}
             entries = [Entry("topic", topic, f"{why} of robots by name", "likely"), Entry("robot", column, "names")]
-            entries += [column_entry(quantity, guess) for quantity, guess in own.items()] + origin_entry(own, table)
+            entries += [column_entry(quantity, guess) for quantity, guess in own.items()] + frame_entries(own, table)
             entries += [Entry("nodes", nodes, "these words and names of robots are alike", "likely")] * bool(nodes)
             return [DraftTable("truth", tuple(entries))]
     there = {robot: topic for robot in robots if (topic := _topic_about(robot, list(about)))}
@@ -268,7 +268,7 @@ def _truth_of_fields(of_fields: Mapping[str, CsvTable], robots: Sequence[str]) -
     if not fields or any([e.value for e in one] != [e.value for e in fields[0]] for one in fields):
         return []
     topic = next(iter(there.values()))
-    origin = origin_entry(about[topic], of_fields[topic])
+    origin = frame_entries(about[topic], of_fields[topic])
     return [DraftTable("truth", (_topics(there, f"{why} of each robot"), *fields[0], *origin))]
 
 

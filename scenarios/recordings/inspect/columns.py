@@ -232,6 +232,8 @@ def _guess(table: CsvTable, column: str, file_side: str) -> Guess:
         reason += " has no y beside it, and its values only rise: a counter of metres"
     values = values[values < no_reading(values)] if quantity == "range" else values
     unit, why = infer_unit(quantity, named_unit, values, _turn_rate(table, column) if quantity == "heading" else np.inf)
+    if quantity == "heading" and naming.is_clockwise(column):
+        unit, why = f"-{unit}", f"{why}; of a compass: clockwise from north"
     return Guess(column, quantity, unit, side or file_side, reason + (f"; {why}" if why else ""))
 
 

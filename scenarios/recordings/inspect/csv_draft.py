@@ -48,7 +48,7 @@ def _read_files(paths: Iterable[Path], folder: Path, data: Path) -> tuple[list[C
     for path in paths:
         name = path.relative_to(folder if path.is_relative_to(folder) else data).as_posix()
         fault = f"{name}: a text, and no table"
-        is_csv = ".csv" in path.name.lower() or path.suffix.lower() in OTHER_TABLES
+        is_csv = ".csv" in path.name.lower() or path.suffix.lower() in {*OTHER_TABLES} - {".json"}
         try:
             file = read_csv(path, name)
             if is_csv or "1" in file.columns or any(guess.quantity for guess in file.guesses):
@@ -491,7 +491,7 @@ def _draft_table(
     entries += [
         column_entry(q, g) for q, g in columns.items() if q not in STAMPS and (q != "other" or table in READINGS)
     ]
-    entries += [*_missing(part), *(origin_entry(columns, part.files[0]) if table == "truth" else [])]
+    entries += [*_missing(part), *(frame_entries(columns, part.files[0]) if table == "truth" else [])]
     if table in READINGS:
         things = [word for word in part.names("other") if f"a{word}" in fixed]
         of_places = {naming.OTHERS.get(word) for word in naming.words_of(columns["other"].column)} if things else set()
@@ -508,14 +508,17 @@ def _draft_table(
     return DraftTable(table, tuple(entries))
 
 
-def origin_entry(columns: Mapping[str, Guess], table: CsvTable) -> list[Entry]:
-    """Return the line for latitudes and longitudes: where on the globe x and y are 0, the middle of a robot's path."""
-    if not naming.is_on_globe(columns["y"].column):
-        return []
-    every = [table.numbers(columns[q].column) for q in "yx"]
-    places = [float(np.median(degrees[degrees != 0])) if degrees.any() else 0.0 for degrees in every]
-    why = "latitude and longitude [deg] of x = y = 0: the middle of a path"
-    return [Entry("origin", [round(degrees, 6) for degrees in places], why, "likely")]
+def frame_entries(columns: Mapping[str, Guess], table: CsvTable) -> list[Entry]:
+    """Return the lines for a truth on the globe or by a compass: where x and y are 0, and the heading of north."""
+    found = []
+    if naming.is_on_globe(columns["y"].column):
+        every = [table.numbers(columns[q].column) for q in "yx"]
+        places = [float(np.median(degrees[degrees != 0])) if degrees.any() else 0.0 for degrees in every]
+        why = "latitude and longitude [deg] of x = y = 0: the middle of a path"
+        found.append(Entry("origin", [round(degrees, 6) for degrees in places], why, "likely"))
+    if "heading" in columns and naming.is_clockwise(columns["heading"].column):
+        found.append(Entry("heading_offset", 1.570796, "[rad] north is along y, if x is to the east", "likely"))
+    return found
 
 
 def _devices(part: TablePart, robots: Sequence[str]) -> dict[str, str]:

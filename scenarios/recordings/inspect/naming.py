@@ -70,6 +70,11 @@ def is_on_globe(column: str) -> bool:
     return bool({*words_of(column)} & {*_WORDS["others"]["globe"].split()})
 
 
+def is_clockwise(column: str) -> bool:
+    """Return whether a column holds angles of a compass: clockwise, from north."""
+    return bool({*words_of(column)} & {*_WORDS["others"]["clockwise"].split()})
+
+
 def side_of(name: str) -> str:
     """Return "truth" or "odometry" if words of a name speak of it, or of the globe; odometry, if of both."""
     return "truth" if is_on_globe(name) else min((SIDE[word] for word in words_of(name) if word in SIDE), default="")

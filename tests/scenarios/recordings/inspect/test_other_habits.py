@@ -181,10 +181,27 @@ def as_json_lines(table, path):
     path.with_suffix(".jsonl").write_text(text + text[: text.index("\n") // 2])
 
 
+def as_json(options):
+    def write(table, path):
+        text = table.reset_index(drop=True).to_json(double_precision=15, **options)
+        path.with_suffix(".json").write_text(f'{{"data": {text}}}')
+
+    return write
+
+
+def compass(files):
+    """Headings clockwise from north, which is along y."""
+    turned = changed(theta=lambda heading: np.degrees(np.pi / 2 - heading) % 360)(files)
+    return renamed({"theta": "compass_deg"})(turned)
+
+
 # How the tables are changed, how they are written, and how their text is changed.
 HABITS = {
     "Parquet": (SAME, lambda table, path: table.set_index("time").to_parquet(path.with_suffix(".parquet")), None),
     "JSON lines": (SAME, as_json_lines, None),
+    "JSON columns": (SAME, as_json({}), None),
+    "JSON objects": (SAME, as_json({"orient": "records"}), None),
+    "a compass": (compass, {}, None),
     "decimal commas": (renamed(GERMAN), {"sep": ";", "decimal": ","}, None),
     "Spanish": (renamed(SPANISH), {"encoding": "latin-1"}, None),
     "UTF-16": (SAME, {"encoding": "utf-16"}, None),
