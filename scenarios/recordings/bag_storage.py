@@ -186,9 +186,9 @@ def _field_values(value: Any, path: Sequence[str]) -> list[Any]:
 
 
 def fields_of(message: Any) -> dict[str, list[Any]]:
-    """Return the numbers and words in a message by the names of their fields; of headers the frame alone."""
+    """Return the numbers and words in a message by the names of their fields, without constants; of headers the frame."""
     found: dict[str, list[Any]] = {}
-    for name in (field.name for field in dataclasses.fields(message) if field.name != "__msgtype__"):
+    for name in (f.name for f in dataclasses.fields(message) if f.name != "__msgtype__" and not f.name.isupper()):
         value = getattr(message, name)
         if name == "header":
             found["header.frame_id"] = [value.frame_id]
