@@ -186,7 +186,7 @@ def _field_values(value: Any, path: Sequence[str]) -> list[Any]:
 
 
 def fields_of(message: Any) -> dict[str, list[Any]]:
-    """Return the numbers and words in a message by the names of their fields, without constants; of headers the frame."""
+    """Return the numbers and words in a message by its fields, without constants; of headers the frame alone."""
     found: dict[str, list[Any]] = {}
     for name in (f.name for f in dataclasses.fields(message) if f.name != "__msgtype__" and not f.name.isupper()):
         value = getattr(message, name)
