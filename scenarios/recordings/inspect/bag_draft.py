@@ -57,7 +57,7 @@ PLACE = {"PoseStamped": ("pose.position", "pose.orientation"), "Pose": ("positio
 PLACE |= {"TransformStamped": ("transform.translation", "transform.rotation")}
 FLAT = 0.2  # [m] that robots move at least, and share of it by which a floor is flat at most
 EACH = 'each = { NAME = "data.0", ... } for the robots or anchors that it is of, in their order'
-SEEN = {"tag", "tags", "apriltag", "aruco", "marker", "markers", "detection", "detections", "camera"}
+SEEN = {"rel", "relative", "tag", "tags", "apriltag", "aruco", "marker", "markers", "detection", "detections", "camera"}
 SURE = 2.0  # times the misfit of the best assignment of radios that the next best must have
 
 
@@ -115,6 +115,9 @@ def bag_draft(path: Path) -> Draft:
     nameless = [t for t in numbers if numbers[t] == RANGE and not _tables_of(t, tables, robots)]
     of_fields |= _ranges_by_frame(read_fields(whole, nameless) if nameless else {}, robots, fixed)
     tables += _readings_of_fields(of_fields, robots, fixed)
+    seen = pairs_of_robots([name for name in poses if SEEN & {*words_of(name)}], robots, "range")
+    why = "poses in topics with the names of two robots, in the axes of the first"
+    tables += [DraftTable("sightings", (Entry("topic", p, why, "likely"),)) for p in dict.fromkeys(seen.values())]
     has_truth = "truth" in {table.name for table in tables}
     if not has_truth and any(t.type.endswith("/Odometry") and t.name not in names for t in every for names in each):
         raise BadInput(differ)
@@ -226,7 +229,7 @@ def _wheels(found: Sequence[TopicInfo], of_fields: Mapping[str, CsvTable]) -> di
     ]
     for forms in (["Odometry"], ["TwistStamped", "TwistWithCovarianceStamped"], [], ["Twist"]):
         if some := [t.name for t in found if t.type.rpartition("/")[2] in forms] if forms else fields:
-            return topics_by_robot(some)
+            return topics_by_robot([name for name in some if not ESTIMATES & {*words_of(name)}] or some)
     return topics_by_robot([t.name for t in found if "x [m]" in t.columns and VISUAL & {*words_of(t.name)}])
 
 

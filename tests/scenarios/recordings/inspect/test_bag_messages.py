@@ -84,6 +84,12 @@ def beside_an_estimate(files):
     return [*(one for make in makes for one in make(files)), *USUAL["truth"](files)]
 
 
+def beside_a_filter(files):
+    """Odometry, and in topics that come first in the alphabet what a filter made of it."""
+    fields = ("nav_msgs/msg/Odometry", lambda v, w: {"twist.twist.linear.x": 2 * v, "twist.twist.angular.z": -w})
+    return [*odometry("/{}/filtered/odom", *fields)(files), *USUAL["odometry"](files)]
+
+
 def upright(x, y, heading):
     """A pose in axes of which y is up."""
     place = {"pose.position.x": x, "pose.position.y": 0.1, "pose.position.z": -y}
@@ -137,6 +143,7 @@ HABITS = {
         "header.frame_id": r})},
     "an array": {"ranges": ranges("/{}/uwb/range", "lab_msgs/msg/Ranges", "range.range", more=lambda r: {"id": r},
         wrap=lambda one: {"ranges": [one]})},
+    "a filter": {"odometry": beside_a_filter},
     "poses of a camera": {"odometry": truth("/{}/orb_slam3/pose", f"{G}PoseStamped", posed)},
     "the only teammate": {"ranges": ranges("/{}/uwb/range", "sensor_msgs/msg/Range", "range")},
 }  # fmt: skip
@@ -173,6 +180,16 @@ def test_the_team_is_read_from_messages_of_many_types(tmp_path, habit):
         moved = robot_motion(log, i).odometry
         assert abs(moved.length[-1] - (np.diff(t) * v[:-1]).sum()) < 0.02
         assert abs(moved.turn[-1] - (np.diff(t) * omega[:-1]).sum()) < 0.02
+
+
+def test_poses_of_one_robot_from_another_are_sightings(tmp_path):
+    files = two_robots(seconds=40)
+    made = [one for kind in ("odometry", "truth") for one in USUAL[kind](files)]
+    times = files["odom_red.csv"]["time"]
+    made += [("/red/relative_pose/blue", f"{G}PoseStamped", t, posed(3.0, -4.0, 0.1)) for t in times]
+    write_messages(tmp_path / "team", made)
+    found = inspect_recording(tmp_path).log.readings["sighting"]
+    np.testing.assert_allclose(found.values, [[5.0, np.arctan2(-4, 3)]] * len(times))
 
 
 def test_what_a_camera_detected_is_drafted_in_its_axes_and_text_is_named(tmp_path):
