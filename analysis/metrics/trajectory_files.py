@@ -1,6 +1,7 @@
 """Files of a team's trajectories, of any program: read with their covariances, and ours written for any program.
 
 A team is a folder with a file for each robot, or a folder with one; what differs between their names is the robot's.
+The true ones may lie with them, if their names say so: `red_gt.txt` beside `red_mine.txt`, of the method `mine`.
 
 - `NAME.txt` or `NAME.tum` is a TUM file: a line `stamp tx ty tz qx qy qz qw` for each pose, of which x, y and yaw
   count; a quaternion of zeros means that the heading is not known.
@@ -44,7 +45,7 @@ from cooploc.scenarios.recordings.inspect.columns import (
     infer_columns,
     infer_delimiter,
 )
-from cooploc.scenarios.recordings.inspect.naming import SI, columns_of_robots, file_pattern, name_meaning
+from cooploc.scenarios.recordings.inspect.naming import SI, columns_of_robots, file_pattern, name_meaning, side_of
 from cooploc.scenarios.recordings.schema import UNITS
 from cooploc.scenarios.recordings.text_files import (
     TextTable,
@@ -95,7 +96,7 @@ def read_team(place: Path, robots: Sequence[str] = (), method: str = TRUTH) -> T
     """Read the trajectories of a folder, file or bag by robot; of these robots alone, where they are named."""
     if not place.exists():
         raise BadInput(f"there is no folder {place}; name the one that holds a file for each robot")
-    files = team_files(place)
+    files = team_files(place, method)
     words = file_pattern([f"{name}.txt" for name in files])[1] if files else ()
     files = dict(zip(words, files.values(), strict=True)) if len(words) == len(files) else files  # red_truth is of red
     named = {name: path for name, path in files.items() if not robots or name in robots or len(files) == 1}
@@ -108,12 +109,20 @@ def read_team(place: Path, robots: Sequence[str] = (), method: str = TRUTH) -> T
     return found
 
 
-def team_files(place: Path) -> dict[str, Path]:
-    """Return the files of poses of a folder, or the file itself, by the names of their robots."""
+def team_files(place: Path, method: str = "") -> dict[str, Path]:
+    """Return the files of poses of a folder, or the file itself, by the names of their robots.
+
+    Where some are true ones by their names, such as `red_gt.txt`, those of the truth, or of a method, by its name if any.
+    """
     files = sorted(place.iterdir()) if place.is_dir() else [place]
     files = [path for path in files if path.suffix in ENDINGS and ".cov." not in path.name]
+    true = [path for path in files if side_of(path.stem) == TRUTH]
+    if method and 0 < len(true) < len(files):
+        others = [path for path in files if path not in true]
+        own = [path for path in others if method in re.split(r"[_\-. ]", path.stem)]
+        files = true if method == TRUTH else own or others
     if not files and place.is_dir():  # a folder for each robot
-        inside = {path.name: team_files(path) for path in sorted(place.iterdir()) if path.is_dir()}
+        inside = {path.name: team_files(path, method) for path in sorted(place.iterdir()) if path.is_dir()}
         return {name: next(iter(own.values())) for name, own in inside.items() if len(own) == 1}
     named = {path.stem: path for path in files}
     for path in files:

@@ -10,6 +10,7 @@ from made_bags import pose_at, write_messages
 from processes import inside
 
 import cooploc as cl
+from cooploc import BadInput
 from cooploc.analysis.metrics.external import judge_trajectories, match_stamps, mean_drift
 
 ROBOTS = "red", "blue"
@@ -352,9 +353,25 @@ def test_one_file_of_any_name_is_a_team_of_one_and_what_stands_or_is_not_known_i
     assert rows["anees"].isna().all()  # zeros are not known, as in ROS
     assert notes == ("mine has no covariances, or zeros alone: its consistency is not known",)
     write_tum(tmp_path / "still.txt", t, 0 * true)
-    rows, notes = judge_trajectories(tmp_path / "still.txt", {"mine": tmp_path / "still.txt"})
-    assert rows["rmse"].item() == 0
+    write_tum(tmp_path / "mine.txt", t, 0 * true + 0.003)
+    rows, notes = judge_trajectories(tmp_path / "still.txt", {"mine": tmp_path / "mine.txt"})
+    assert rows["rmse"].item() == pytest.approx(0.003 * np.sqrt(2))
     assert notes[0] == "robot 'still' stands, within 0.05 m: its RPE is noise, and --align se2 turns it at random"
+    with pytest.raises(BadInput, match="mine: its poses are the true ones, to the last digit"):
+        judge_trajectories(tmp_path / "still.txt", {"mine": tmp_path / "still.txt"})
+
+
+@pytest.mark.parametrize("place", ["{robot}_{what}.txt", "{robot}/stamped_{what}.txt"])
+def test_true_poses_may_lie_beside_those_of_methods(team, place, tmp_path):
+    for what, name in (("groundtruth", "truth"), ("mine", "mine"), ("theirs", "theirs")):
+        for robot in ROBOTS:
+            file = tmp_path / place.format(robot=robot, what=what)
+            file.parent.mkdir(exist_ok=True)
+            shutil.copy(team / f"{name}/{robot}.txt", file)
+    together, _ = judge_trajectories(tmp_path, dict.fromkeys(("mine", "theirs"), tmp_path))
+    apart, _ = judge_trajectories(team / "truth", {name: team / name for name in ("mine", "theirs")})
+    columns = ["estimator", "name", "rmse", "rpe"]
+    pd.testing.assert_frame_equal(together[columns], apart[columns])
 
 
 def test_a_quaternion_of_zeros_is_no_heading(honest, tmp_path):
