@@ -112,7 +112,8 @@ def read_team(place: Path, robots: Sequence[str] = (), method: str = TRUTH) -> T
 def team_files(place: Path, method: str = "") -> dict[str, Path]:
     """Return the files of poses of a folder, or the file itself, by the names of their robots.
 
-    Where some are true ones by their names, such as `red_gt.txt`, those of the truth, or of a method, by its name if any.
+    Where some are true ones by their names, such as `red_gt.txt`, these are of the truth alone, and of all others those
+    with the name of the `method`, if there are any.
     """
     files = sorted(place.iterdir()) if place.is_dir() else [place]
     files = [path for path in files if path.suffix in ENDINGS and ".cov." not in path.name]
