@@ -19,6 +19,7 @@ from cooploc.scenarios.recordings.team_log import TeamLog, other_names
 from cooploc.scenarios.recordings.text_files import is_text
 
 NOT_FALLING, NO_RSSI = "does not fall with distance", "[rssi] is left out of log.toml"
+ARCHIVES = (".zip", ".tar", ".tgz", ".gz", ".bz2", ".xz", ".7z", ".rar")
 TOO_LITTLE = "too little for"  # in the problem of a recording that is too short to be fitted
 
 
@@ -133,7 +134,9 @@ def recognize(path: Path) -> tuple[str, str]:
         return "csv", "text files with columns"
     if active := next((p for p in files if p.name.endswith(".bag.active")), None):
         raise BadInput(f"{active}: its recorder was killed; `rosbag reindex {active.name}` mends it, then name it .bag")
+    packed = next((p.name for p in files if p.suffix.lower() in ARCHIVES), "")
     here = f" ({files[0].name} is none; save what is in it as CSV)" if files else ""
+    here = f" ({packed}: unpack it)" if packed else here
     raise BadInput(f"{path}: there is no CSV file, bag, PyFG file or MRCLAM text in it{here}; name another directory")
 
 

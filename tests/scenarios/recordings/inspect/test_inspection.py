@@ -112,3 +112,9 @@ def test_a_log_toml_that_is_there_is_believed_and_stays(tmp_path, clean):
 def test_text_of_a_file_cannot_end_a_comment_or_a_value():
     strange = 'x"\n[b]'
     assert tomllib.loads(f"a = {toml(strange)}") == {"a": strange}
+
+
+def test_what_is_packed_is_to_be_unpacked(tmp_path):
+    (tmp_path / "team.zip").write_bytes(b"PK")
+    with pytest.raises(cl.BadInput, match=r"\(team.zip: unpack it\)"):
+        cl.inspect(tmp_path)
