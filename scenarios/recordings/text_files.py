@@ -285,7 +285,8 @@ def split_fields(text: str, delimiter: str) -> tuple[list[str], int, Rows]:
     else:
         rows = rows[1:]
     n = len(head)
-    rows = [(i, fields[:n] if len(fields) == n + 1 and not fields[-1] else fields) for i, fields in rows]
+    if any(len(fields) == n + 1 and not fields[-1] for _, fields in rows):
+        rows = [(i, fields[:n] if len(fields) == n + 1 and not fields[-1] else fields) for i, fields in rows]
     return [name.lstrip("#%").strip() for name in head], line, rows
 
 
@@ -315,7 +316,7 @@ def read_lines(path: Path, numbers: Sequence[str], names: Sequence[str], delimit
         if line not in torn and all(np.isinf(parse_field(fields[i])) for i in of_numbers)
     ]
     notes, bad = leave_out(path, faults, len(content)), {line for line, _ in faults}
-    content = [(line, fields) for line, fields in content if line not in bad]
+    content = [(line, fields) for line, fields in content if line not in bad] if bad else content
     rows = np.empty((len(content), len(of_numbers)))
     for k, i in enumerate(of_numbers):
         words = [fields[i] for _, fields in content]
@@ -330,23 +331,24 @@ def read_lines(path: Path, numbers: Sequence[str], names: Sequence[str], delimit
             many = "it counts as empty" if len(same) == 1 else f"{len(same)} such fields count as empty"
             notes += (f"{where}; {many}",)
     rows[np.isinf(rows)] = np.nan
-    texts = [tuple(fields[i] for i in of_names) for _, fields in content]
+    texts = [tuple(fields[i] for i in of_names) for _, fields in content] if of_names else [()] * len(content)
     return TextTable(path, rows, np.array([line for line, _ in content], np.int64), texts, notes)
 
 
 def fields_of(text: str, delimiter: str) -> Iterator[tuple[int, list[str]]]:
     """Yield the lines that are not blank: number, and fields. A quote without its partner ends with its line."""
-    for i, line in enumerate(text.split("\n"), 1):
-        try:
+    lines, has_quotes = enumerate(text.split("\n"), 1), delimiter == " " or '"' in text
+    if not has_quotes and not re.search(rf"[^\S\n{re.escape(delimiter)}]", text):  # nothing to strip: half the time
+        yield from (row for row in ((i, line.split(delimiter)) for i, line in lines) if any(row[1]))
+        return
+    for i, line in lines:
+        raw = [line]
+        if delimiter == " " or '"' in line:
             whole = line.strip() if delimiter == " " else line  # columns may be aligned by blanks
-            quoted = '"' in line or delimiter == " "
-            raw = (
-                line.split(delimiter)
-                if not quoted
-                else next(csv.reader([whole], delimiter=delimiter, skipinitialspace=True), [])
-            )
-        except csv.Error:  # a field of more than 100,000 characters
-            raw = [line]
+            with suppress(csv.Error):  # a field of more than 100,000 characters
+                raw = next(csv.reader([whole], delimiter=delimiter, skipinitialspace=True), [])
+        else:
+            raw = line.split(delimiter)
         fields = [field.strip() for field in raw]
         if any(fields):
             yield i, fields
