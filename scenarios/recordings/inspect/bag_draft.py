@@ -2,7 +2,7 @@
 
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
 
@@ -75,26 +75,15 @@ def bag_draft(path: Path) -> Draft:
     of_fields = {t: table_of_fields(t, f) for t, f in (read_fields(whole, unknown) if unknown else {}).items()}
     states = {name for name in found if STATES & {*words_of(name)}}
     wheels = _wheels([t for t in found.values() if t.name not in states], of_fields)
-    poses = [
-        name
-        for name, t in found.items()
-        if "x [m]" in t.columns and name not in wheels.values() and "PoseArray" not in t.type
-        if name in states or not (ODOMETRY | ESTIMATES) & {*words_of(name)}
-    ]
-    certain = [name for name in poses if name in states]
-    about = {robot: _topic_about(robot, certain) or _topic_about(robot, poses) for robot in wheels}
-    truth = {robot: name for robot, name in about.items() if name}
-    if len(wheels) == 1 and not truth:  # its name need not be there
-        truth = {robot: name for robot in wheels for name in poses if name in states}
+    poses = _poses(found, wheels.values(), states)
+    truth = _truth_topics(wheels, poses, states)
     inspect_each = "; ".join(f"cooploc inspect {run}" for run in runs)
     differ = f"{path}: the topics of its {len(runs)} runs differ; inspect each: {inspect_each}"
     if not wheels and each:
         raise BadInput(differ)
     if not wheels:
         names = ", ".join(f"{t.name} ({t.type.rpartition('/')[2]})" for t in there)[:300]
-        remedy = (
-            "of wheels alone compute speeds and turn rates, and write odom_NAME.csv beside it, and log.toml by hand"
-        )
+        remedy = "compute them from wheels, and write odom_NAME.csv beside it, and log.toml by hand"
         lack = "no robot has odometry (nav_msgs/Odometry, or speeds and turn rates)"
         raise BadInput(f"{path}: {lack}; {remedy}; topics: {names}")
     wheels = {robot: wheels[robot] for robot in truth or wheels}
@@ -124,11 +113,34 @@ def bag_draft(path: Path) -> Draft:
     why = f"what differs between topics of odometry{' with a truth' * bool(truth)}"
     entries = Entry("format", "bag", "a ROS bag"), Entry("robots", robots, why, "likely")
     used = {t.name: ", ".join(of) for t in every if (of := _tables_of(t.name, tables, robots))}
-    columns, unused = [*beside.columns], [*beside.unused]
+    columns, unused = _topic_rows(every, found, used)
     if not has_truth:
-        unused.append("truth, as no pose has the name or number of a robot with odometry, nor a text file beside")
+        unused.insert(0, "truth, as no pose has the name or number of a robot with odometry, nor a text file beside")
+    return Draft(entries, tuple(tables), (*beside.columns, *columns), (*beside.unused, *unused))
+
+
+def _poses(found: Mapping[str, TopicInfo], wheels: Collection[str], states: Collection[str]) -> list[str]:
+    """Return the topics of poses that may be true: of `states`, or neither odometry nor what a filter estimated."""
+    poses = [name for name, t in found.items() if "x [m]" in t.columns and "PoseArray" not in t.type]
+    others = ODOMETRY | ESTIMATES
+    return [n for n in poses if n not in wheels and (n in states or not others & {*words_of(n)})]
+
+
+def _truth_topics(wheels: Collection[str], poses: Sequence[str], states: Collection[str]) -> dict[str, str]:
+    """Return the topics of true poses by robot, of `states` first; of a single robot its name need not be there."""
+    certain = [name for name in poses if name in states]
+    about = {robot: _topic_about(robot, certain) or _topic_about(robot, poses) for robot in wheels}
+    truth = {robot: name for robot, name in about.items() if name}
+    return truth or ({robot: name for robot in wheels for name in certain} if len(wheels) == 1 else {})
+
+
+def _topic_rows(
+    every: Sequence[TopicInfo], known: Collection[str], used: Mapping[str, str]
+) -> tuple[list[tuple[str, str, str, str]], list[str]]:
+    """Return a row for each topic that is `known` or `used`, and lines on those that are not used."""
+    columns, unused = list[tuple[str, str, str, str]](), list[str]()
     for t in every:
-        if t.name not in found and t.name not in used:
+        if t.name not in known and t.name not in used:
             continue
         form, rate = t.type.rpartition("/")[2], f"{t.messages} messages, {t.rate:.3g} Hz, {t.last - t.first:.3g} s"
         columns.append((t.name, form, used.get(t.name, "not used"), rate))
@@ -137,16 +149,16 @@ def bag_draft(path: Path) -> Draft:
             unused.append(f"{t.name} ({form}, {t.messages}){more}")
     strange = [t for t in every if not t.columns and t.name not in used]
     of_readings = {t.name for t in strange if name_meaning(t.name)[0] in ("range", "rssi")}  # also in a std_msgs/String
-    strange = [
-        t for t in strange if not t.type.startswith(NO_MEASUREMENTS) or "MultiArray" in t.type or t.name in of_readings
-    ]
-    for t in [t for t in strange if "MultiArray" in t.type and t.name in of_readings]:
-        strange.remove(t)
-        unused.append(f"{t.name}, an array that does not say of what: write {EACH}")
-    if unread := [f"{t.name} ({t.type})" for t in strange]:
+    unread = []
+    for t in strange:
+        if "MultiArray" in t.type and t.name in of_readings:
+            unused.append(f"{t.name}, an array that does not say of what: write {EACH}")
+        elif "MultiArray" in t.type or t.name in of_readings or not t.type.startswith(NO_MEASUREMENTS):
+            unread.append(f"{t.name} ({t.type})")
+    if unread:
         some = ", ".join(unread[:5]) + f" and {len(unread) - 5} more" * (len(unread) > 5)
         unused.append(f"topics of types that are not read: {some}; what they measured may be in CSV files beside")
-    return Draft(entries, tuple(tables), tuple(columns), tuple(unused))
+    return columns, unused
 
 
 def _tables_of(topic: str, tables: Sequence[DraftTable], robots: Sequence[str]) -> list[str]:
