@@ -20,12 +20,7 @@ from cooploc.scenarios.recordings.bags import (
     topics,
 )
 from cooploc.scenarios.recordings.inspect.columns import CsvTable, Guess, infer_unit, table_of_fields
-from cooploc.scenarios.recordings.inspect.csv_draft import (
-    column_entry,
-    first_columns,
-    frame_entries,
-    tables_beside_bag,
-)
+from cooploc.scenarios.recordings.inspect.csv_draft import column_entry, frame_entries, tables_beside_bag
 from cooploc.scenarios.recordings.inspect.draft_toml import Draft, DraftTable, Entry
 from cooploc.scenarios.recordings.inspect.naming import (
     ODOMETRY,
@@ -39,6 +34,7 @@ from cooploc.scenarios.recordings.inspect.naming import (
     pairs_of_robots,
     words_of,
 )
+from cooploc.scenarios.recordings.inspect.table_parts import first_columns
 from cooploc.scenarios.recordings.radio_nodes import NodeRanges, assign
 from cooploc.scenarios.recordings.team_log import Series
 from cooploc.scenarios.recordings.text_files import is_text

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -25,19 +25,23 @@ from cooploc.scenarios.recordings.inspect.columns import (
 )
 from cooploc.scenarios.recordings.inspect.draft_toml import Draft, DraftTable, Entry
 from cooploc.scenarios.recordings.inspect.findings import Finding
-from cooploc.scenarios.recordings.schema import COLUMNS, UNITS
+from cooploc.scenarios.recordings.inspect.table_parts import (
+    READINGS,
+    STAMPS,
+    TablePart,
+    merge_parts,
+    parts_of,
+    why_no_table,
+)
+from cooploc.scenarios.recordings.schema import UNITS
 from cooploc.scenarios.recordings.text_files import OTHER_TABLES, is_text
 
 REMEDY = "name the files odom_NAME.csv and truth_NAME.csv, or write log.toml by hand (docs/how-to/robots.md)"
-READINGS = ("sightings", "ranges", "rssi")
-QUANTITIES = (("range", "bearing"), ("ahead", "left")), (("range",),), (("rssi",),)  # of each
+LOOKS = {
+    "odometry": "odometry (speeds and turn rates, poses, or steps), from which every estimator starts",
+    "truth": "truth (x and y)",
+}
 KEYS = {"ahead": "x", "left": "y"}  # quantity -> its key in log.toml, where it is another
-STAMPS = ("time", "sec", "nsec")
-KINDS = ("velocity", "path", "increment", "displacement", "pose")  # of odometry; the first whose columns a file has
-
-# Of odometry in two files, speeds in one and turns in the other: quantity -> its table, and the kind of odometry.
-HALVES = {"speed": ("odometry", "velocity"), "length": ("odometry", "path")}
-HALVES |= {"turn_rate": ("turns", ""), "heading": ("turns", "")}
 
 # --- Files
 
@@ -69,88 +73,6 @@ def _unread_places(folder: Path) -> list[tuple[Path, str]]:
 
 def _text_files(folder: Path) -> list[Path]:
     return sorted(p for p in folder.rglob("*") if is_text(p))
-
-
-# --- Tables that columns belong to
-
-
-class TablePart(NamedTuple):
-    """Columns that belong to one table of log.toml, in files with the same columns."""
-
-    table: str  # "odometry", "turns", "truth", "ranges", "rssi", "sightings", "anchors" or "landmarks"
-    files: tuple[CsvTable, ...]
-    columns: dict[str, Guess]  # quantity -> column; with time, robot and other where the files have them
-    kind: str = ""  # of odometry
-    each: tuple[Guess, ...] = ()  # of readings: all columns of their first quantity
-
-    def names(self, quantity: str) -> tuple[str, ...]:
-        """Return the names in the column of a quantity; none without one."""
-        if quantity not in self.columns:
-            return ()
-        return tuple(dict.fromkeys(n for file in self.files for n in file.names(self.columns[quantity].column)))
-
-    @property
-    def file_names(self) -> list[str]:
-        """The names of the files, as in log.toml."""
-        return [file.name for file in self.files]
-
-
-def _parts(file: CsvTable, halves: bool = False) -> list[TablePart]:
-    """Return the tables that a file's columns belong to; a file without stamps can only hold places.
-
-    With `halves` one file may hold the speeds, and another the turn rates or headings.
-    """
-    shared = first_columns(file.guesses, (*STAMPS, "robot", "other"))
-    if "time" in shared:
-        shared = {q: g for q, g in shared.items() if q not in ("sec", "nsec")}
-    if not shared.keys() & {"time", "sec"}:
-        own = first_columns(file.guesses, ("x", "y", "robot", "other"))
-        label = own.get("robot") or own.get("other") or next((g for g in file.guesses if g.column not in "xy"), None)
-        if not {"x", "y"} <= own.keys() or label is None or naming.is_on_globe(own["y"].column):
-            return []
-        kinds = {
-            naming.OTHERS.get(word) for word in (*naming.words_of(Path(file.name).stem), *naming.words_of(label.column))
-        }
-        table = "landmarks" if "landmarks" in kinds and "anchors" not in kinds else "anchors"
-        return [TablePart(table, (file,), {"name": label, "x": own["x"], "y": own["y"]})]
-    parts, left = [], list(file.guesses)
-    for kind in KINDS:
-        own = first_columns(file.guesses, COLUMNS[kind], ("odometry",) if kind == "pose" else ("", "odometry"))
-        if len(own) == len(COLUMNS[kind]) or (kind == "increment" and {"dx", "turn"} <= own.keys()):
-            parts.append(TablePart("odometry", (file,), shared | own, kind))
-            left = [g for g in left if g not in own.values()]
-            break
-    else:
-        own = first_columns(file.guesses, ("speed", "length", "turn_rate", "heading", "x"), ("", "odometry"))
-        for quantity in own if halves and "x" not in own else ():
-            table, kind = HALVES[quantity]
-            if table not in {part.table for part in parts}:
-                parts.append(TablePart(table, (file,), shared | {quantity: own[quantity]}, kind))
-    has_truth = any(g.side == "truth" and g.quantity == "x" for g in left)
-    truth = first_columns(left, ("x", "y", "heading"), ("truth",) if has_truth else ("",))
-    if {"x", "y"} <= truth.keys():
-        parts.append(TablePart("truth", (file,), shared | truth))
-    ways = [(table, way) for table, ways in zip(READINGS, QUANTITIES, strict=True) for way in ways]
-    for table, quantities in ways:
-        if table != "rssi" and "sightings" in {part.table for part in parts}:
-            continue
-        for each in split_readings([g for g in left if g.quantity == quantities[0]], "other" in shared):
-            own = first_columns([*each, *left], quantities)
-            alone = {q: g for q, g in shared.items() if q != "other"}  # with a column for each thing measured
-            if len(own) == len(quantities):
-                parts.append(TablePart(table, (file,), (alone if len(each) > 1 else shared) | own, each=each))
-    return parts
-
-
-def split_readings(guesses: Sequence[Guess], named: bool) -> list[tuple[Guess, ...]]:
-    """Return the columns of robots by robots, and those of other things, apart.
-
-    Of those whose things are `named` in a column the plain one counts: "range" beside "range_raw" and "gt_range".
-    """
-    pairs = tuple(g for g in guesses if "{other}" in g.column)
-    others = tuple(g for g in guesses if "{other}" not in g.column)
-    plain = tuple(g for g in others if naming.is_plain(g.column))
-    return [each for each in (pairs, plain if named and len(plain) == 1 else others) if each]
 
 
 def _name_mates(files: Sequence[CsvTable], robots: Sequence[str]) -> list[CsvTable]:
@@ -202,57 +124,6 @@ def _name_readings(file: CsvTable, robots: Sequence[str], fixed: Sequence[str]) 
     return file._replace(guesses=tuple(found.get(g.column, g) for g in file.guesses))
 
 
-def _lack(file: CsvTable, halves: bool = False) -> str:
-    """Return why a file makes no table; "" where it makes one."""
-    if _parts(file, halves) or not {g.quantity for g in file.guesses} & {"time", "sec"}:
-        why = next((g.reason for g in file.guesses if naming.name_meaning(g.column)[0] in ("time", "sec")), "time")
-        return "" if _parts(file, halves) else f"no column of it holds stamps ({why})"
-    reasons: dict[str, list[str]] = {}
-    if alone := [g.column for g in file.guesses if g.quantity == "bearing"]:
-        reasons["bearings are read beside ranges alone"] = alone
-    for g in file.guesses:
-        if not g.quantity and g.reason != PART:
-            reasons.setdefault(g.reason, []).append(g.column)
-    shown = {why: [*some[:3], *[f"{len(some) - 3} others"] * (len(some) > 3)] for why, some in reasons.items()}
-    unknown = "; ".join(f"{', '.join(some)}: {why}" for why, some in shown.items())
-    return f"its columns make no table, of stamps with motion, positions or readings{f' ({unknown})' * bool(unknown)}"
-
-
-def first_columns(
-    guesses: Sequence[Guess], quantities: Sequence[str], sides: Sequence[str] = ("", "truth", "odometry")
-) -> dict[str, Guess]:
-    """Return the first column of each quantity on some sides."""
-    found = {g.quantity: g for g in reversed(guesses) if g.side in sides}
-    return {q: found[q] for q in quantities if q in found}
-
-
-def _merge_parts(parts: Sequence[TablePart], unused: list[str]) -> list[TablePart]:
-    """Merge parts of the same table and columns; of all but readings keep the one with the most files."""
-    merged: dict[Any, TablePart] = {}
-    for part in parts:
-        key = part.table, part.kind, frozenset((q, g.column) for q, g in part.columns.items())
-        if key in merged:
-            before, columns = merged[key], {}
-            for q, guess in before.columns.items():
-                other = part.columns[q]
-                better = guess if guess.unit in UNITS else other  # of two units that of SI is more probable
-                why = f"files differ, in {part.files[0].name} it is {other.unit}, perhaps"
-                columns[q] = guess if guess.unit == other.unit else better._replace(reason=why)
-            part = before._replace(columns=columns, files=(*before.files, *part.files))
-        merged[key] = part
-    kept: list[TablePart] = []
-    for part in sorted(merged.values(), key=lambda part: (-len(part.files), len(part.columns))):
-        k = next((k for k, other in enumerate(kept) if other.table == part.table), -1)
-        if part.table in READINGS or k < 0:
-            kept.append(part)
-        elif all(q in part.columns and part.columns[q].column == g.column for q, g in kept[k].columns.items()):
-            kept[k] = kept[k]._replace(files=(*kept[k].files, *part.files))  # such as one that has headings too
-        else:
-            names = ", ".join(part.file_names)
-            unused.append(f"{names}: looks like {part.table} too, but has other columns than the rest; make them alike")
-    return kept
-
-
 # --- Robots, runs and their names
 
 
@@ -264,7 +135,7 @@ def _are_runs_of_one_robot(files: Sequence[CsvTable]) -> tuple[bool, str]:
     """
     stamps, measured = [], set[str]()
     for file in files:
-        parts = {part.table: part for part in _parts(file)}
+        parts = {part.table: part for part in parts_of(file)}
         same = file.columns.keys() == files[0].columns.keys()
         if not same or not {"odometry", "truth"} <= parts.keys() or "robot" in parts["odometry"].columns:
             return False, "their names in the names of the files, or in a column"
@@ -343,32 +214,17 @@ def _draft_run(folder: Path, data: Path) -> tuple[Draft, tuple[str, ...]]:
         doubts = (Finding("robots", "", "", f"{common}, may be of one robot each, or runs of one", "perhaps", setting),)
     entries = [Entry("format", "csv", f"{len(files)} text files with columns")]
     files = files[:1] if runs else files
-    tables_found = {part.table for file in files for part in _parts(file)}
-    halved = {part.table for file in files for part in _parts(file, True)}
+    tables_found = {part.table for file in files for part in parts_of(file)}
+    halved = {part.table for file in files for part in parts_of(file, True)}
     halves = "odometry" not in tables_found and {"odometry", "turns"} <= halved
-    parts = _merge_parts([part for file in files for part in _parts(file, halves)], unused)
-    lacking = {file.name: lack for file in files if (lack := _lack(file, halves))}
-    motion = "odometry (speeds and turn rates, poses, or steps), from which every estimator starts"
-    for needed, words in (("odometry", motion), ("truth", "truth (x and y)")):
-        if needed not in {part.table for part in parts}:
-            if nameless := next((file.name for file in files if [*file.columns][:2] == ["1", "2"]), ""):
-                unread = f"{folder / nameless}: numbers where the names of the columns should be; add a line of names"
-            sides = (
-                (needed,) if len(lacking) < len(files) else (needed, "")
-            )  # of some that say nothing none is to blame
-            odd = [name for name in lacking if naming.side_of(Path(name).stem) in sides]
-            if odd and not unread:
-                unread = f"{folder / odd[0]}: {lacking[odd[0]]}, and so no {needed}; name its columns in log.toml"
-            of_wheels = [(f.name, g) for f in files for g in f.guesses if g.reason in naming.REMEDY.values()]
-            for name, guess in of_wheels[: needed == "odometry" and not unread]:
-                unread = f"{folder / name}: {guess.column!r} is {guess.reason}"
-            known = {f.name: {g.quantity for g in f.guesses} for f in files}
-            timeless = [n for n, of in known.items() if of & {"speed", "turn_rate", "dx"} and not of & {"time", "sec"}]
-            if timeless and not unread:
-                unread = f"{folder / timeless[0]}: no column of it holds stamps; add one, such as `time` [s]"
-            if unread or needed == "odometry":
-                raise BadInput(unread or f"{folder}: no file has columns that look like {words}; {REMEDY}")
-            unused.append(f"{needed}, as no file has columns that look like {words}")
+    parts = merge_parts([part for file in files for part in parts_of(file, halves)], unused)
+    lacking = {file.name: lack for file in files if (lack := why_no_table(file, halves))}
+    there = {part.table for part in parts}
+    for needed in [table for table in LOOKS if table not in there]:
+        unread = unread or _lack_of(needed, folder, files, lacking)
+        if unread or needed == "odometry":
+            raise BadInput(unread or f"{folder}: no file has columns that look like {LOOKS[needed]}; {REMEDY}")
+        unused.append(f"{needed}, as no file has columns that look like {LOOKS[needed]}")
     robots = ("robot",) if runs else _robots(folder, parts)
     other = {"odometry": "truth", "truth": "odometry"}
     for part in parts:
@@ -380,8 +236,8 @@ def _draft_run(folder: Path, data: Path) -> tuple[Draft, tuple[str, ...]]:
             ]
     fixed = [name for part in parts if part.table in ("anchors", "landmarks") for name in _places_of(part, robots)]
     files = [_name_readings(file, robots, fixed) for file in _name_mates(files, robots)]
-    unused += _for_files((_lack(file, halves), file.name) for file in files)
-    parts = _merge_parts([part for file in files for part in _parts(file, halves)], [])
+    unused += _for_files((why_no_table(file, halves), file.name) for file in files)
+    parts = merge_parts([part for file in files for part in parts_of(file, halves)], [])
     entries.append(Entry("robots", list(robots), why or "their names in the names of the files", "likely"))
     delimiter = files[0].delimiter
     if delimiter != ",":
@@ -405,6 +261,26 @@ def _draft_run(folder: Path, data: Path) -> tuple[Draft, tuple[str, ...]]:
     return Draft(tuple(entries), tuple(tables.values()), _column_rows(files), tuple(unused), doubts), robots
 
 
+def _lack_of(needed: str, folder: Path, files: Sequence[CsvTable], lacking: Mapping[str, str]) -> str:
+    """Return which file should hold odometry or the truth, and what it lacks; "" where none should.
+
+    `lacking` says of files why they make no table.
+    """
+    if nameless := next((file.name for file in files if [*file.columns][:2] == ["1", "2"]), ""):
+        return f"{folder / nameless}: numbers where the names of the columns should be; add a line of names"
+    sides = (needed,) if len(lacking) < len(files) else (needed, "")  # of some that say nothing none is to blame
+    if odd := next((name for name in lacking if naming.side_of(Path(name).stem) in sides), ""):
+        return f"{folder / odd}: {lacking[odd]}, and so no {needed}; name its columns in log.toml"
+    for file in files:
+        known = {guess.quantity for guess in file.guesses}
+        of_wheels = next((guess for guess in file.guesses if guess.reason in naming.REMEDY.values()), None)
+        if of_wheels and needed == "odometry":
+            return f"{folder / file.name}: {of_wheels.column!r} is {of_wheels.reason}"
+        if known & {"speed", "turn_rate", "dx"} and not known & {"time", "sec"}:
+            return f"{folder / file.name}: no column of it holds stamps; add one, such as `time` [s]"
+    return ""
+
+
 def _for_files(lines: Iterable[tuple[str, str]]) -> list[str]:
     """Return each line once, behind all files that it is about; an empty one is about nothing."""
     files: dict[str, list[str]] = {}
@@ -416,12 +292,12 @@ def _for_files(lines: Iterable[tuple[str, str]]) -> list[str]:
 def tables_beside_bag(folder: Path, paths: Sequence[Path], robots: Sequence[str], there: Collection[str]) -> Draft:
     """Return the draft of what a bag lacks: the tables in text files, but for those that are `there`."""
     files, unused = _read_files(paths, folder, folder)
-    parts = _merge_parts([part for file in files for part in _parts(file)], unused)
+    parts = merge_parts([part for file in files for part in parts_of(file)], unused)
     fixed = [name for part in parts if part.table in ("anchors", "landmarks") for name in _places_of(part, robots)]
     files = [_name_readings(file, robots, fixed) for file in _name_mates(files, robots)]
     drafted = [
         _draft_table(part, tuple(robots), fixed, False, ",")
-        for part in _merge_parts([part for file in files for part in _parts(file)], [])
+        for part in merge_parts([part for file in files for part in parts_of(file)], [])
         if part.table not in ("odometry", *there)
     ]
     tables = tuple(table for table in drafted if isinstance(table, DraftTable))

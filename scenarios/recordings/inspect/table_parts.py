@@ -1,0 +1,148 @@
+"""The tables of log.toml that the columns of text files make: odometry, turns, truth, readings, places."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from cooploc.scenarios.recordings.inspect import naming
+from cooploc.scenarios.recordings.inspect.columns import PART, CsvTable, Guess
+from cooploc.scenarios.recordings.schema import COLUMNS, UNITS
+
+READINGS = ("sightings", "ranges", "rssi")
+QUANTITIES = (("range", "bearing"), ("ahead", "left")), (("range",),), (("rssi",),)  # of each
+STAMPS = ("time", "sec", "nsec")
+KINDS = ("velocity", "path", "increment", "displacement", "pose")  # of odometry; the first whose columns a file has
+
+# Of odometry in two files, speeds in one and turns in the other: quantity -> its table, and the kind of odometry.
+HALVES = {"speed": ("odometry", "velocity"), "length": ("odometry", "path")}
+HALVES |= {"turn_rate": ("turns", ""), "heading": ("turns", "")}
+
+
+class TablePart(NamedTuple):
+    """Columns that belong to one table of log.toml, in files with the same columns."""
+
+    table: str  # "odometry", "turns", "truth", "ranges", "rssi", "sightings", "anchors" or "landmarks"
+    files: tuple[CsvTable, ...]
+    columns: dict[str, Guess]  # quantity -> column; with time, robot and other where the files have them
+    kind: str = ""  # of odometry
+    each: tuple[Guess, ...] = ()  # of readings: all columns of their first quantity
+
+    def names(self, quantity: str) -> tuple[str, ...]:
+        """Return the names in the column of a quantity; none without one."""
+        if quantity not in self.columns:
+            return ()
+        return tuple(dict.fromkeys(n for file in self.files for n in file.names(self.columns[quantity].column)))
+
+    @property
+    def file_names(self) -> list[str]:
+        """The names of the files, as in log.toml."""
+        return [file.name for file in self.files]
+
+
+def parts_of(file: CsvTable, halves: bool = False) -> list[TablePart]:
+    """Return the tables that a file's columns belong to; a file without stamps can only hold places.
+
+    With `halves` one file may hold the speeds, and another the turn rates or headings.
+    """
+    shared = first_columns(file.guesses, (*STAMPS, "robot", "other"))
+    if "time" in shared:
+        shared = {q: g for q, g in shared.items() if q not in ("sec", "nsec")}
+    if not shared.keys() & {"time", "sec"}:
+        own = first_columns(file.guesses, ("x", "y", "robot", "other"))
+        label = own.get("robot") or own.get("other") or next((g for g in file.guesses if g.column not in "xy"), None)
+        if not {"x", "y"} <= own.keys() or label is None or naming.is_on_globe(own["y"].column):
+            return []
+        kinds = {
+            naming.OTHERS.get(word) for word in (*naming.words_of(Path(file.name).stem), *naming.words_of(label.column))
+        }
+        table = "landmarks" if "landmarks" in kinds and "anchors" not in kinds else "anchors"
+        return [TablePart(table, (file,), {"name": label, "x": own["x"], "y": own["y"]})]
+    parts, left = [], list(file.guesses)
+    for kind in KINDS:
+        own = first_columns(file.guesses, COLUMNS[kind], ("odometry",) if kind == "pose" else ("", "odometry"))
+        if len(own) == len(COLUMNS[kind]) or (kind == "increment" and {"dx", "turn"} <= own.keys()):
+            parts.append(TablePart("odometry", (file,), shared | own, kind))
+            left = [g for g in left if g not in own.values()]
+            break
+    else:
+        own = first_columns(file.guesses, ("speed", "length", "turn_rate", "heading", "x"), ("", "odometry"))
+        for quantity in own if halves and "x" not in own else ():
+            table, kind = HALVES[quantity]
+            if table not in {part.table for part in parts}:
+                parts.append(TablePart(table, (file,), shared | {quantity: own[quantity]}, kind))
+    has_truth = any(g.side == "truth" and g.quantity == "x" for g in left)
+    truth = first_columns(left, ("x", "y", "heading"), ("truth",) if has_truth else ("",))
+    if {"x", "y"} <= truth.keys():
+        parts.append(TablePart("truth", (file,), shared | truth))
+    ways = [(table, way) for table, ways in zip(READINGS, QUANTITIES, strict=True) for way in ways]
+    for table, quantities in ways:
+        if table != "rssi" and "sightings" in {part.table for part in parts}:
+            continue
+        for each in split_readings([g for g in left if g.quantity == quantities[0]], "other" in shared):
+            own = first_columns([*each, *left], quantities)
+            alone = {q: g for q, g in shared.items() if q != "other"}  # with a column for each thing measured
+            if len(own) == len(quantities):
+                parts.append(TablePart(table, (file,), (alone if len(each) > 1 else shared) | own, each=each))
+    return parts
+
+
+def split_readings(guesses: Sequence[Guess], named: bool) -> list[tuple[Guess, ...]]:
+    """Return the columns of robots by robots, and those of other things, apart.
+
+    Of those whose things are `named` in a column the plain one counts: "range" beside "range_raw" and "gt_range".
+    """
+    pairs = tuple(g for g in guesses if "{other}" in g.column)
+    others = tuple(g for g in guesses if "{other}" not in g.column)
+    plain = tuple(g for g in others if naming.is_plain(g.column))
+    return [each for each in (pairs, plain if named and len(plain) == 1 else others) if each]
+
+
+def why_no_table(file: CsvTable, halves: bool = False) -> str:
+    """Return why a file makes no table; "" where it makes one."""
+    if parts_of(file, halves) or not {g.quantity for g in file.guesses} & {"time", "sec"}:
+        why = next((g.reason for g in file.guesses if naming.name_meaning(g.column)[0] in ("time", "sec")), "time")
+        return "" if parts_of(file, halves) else f"no column of it holds stamps ({why})"
+    reasons: dict[str, list[str]] = {}
+    if alone := [g.column for g in file.guesses if g.quantity == "bearing"]:
+        reasons["bearings are read beside ranges alone"] = alone
+    for g in file.guesses:
+        if not g.quantity and g.reason != PART:
+            reasons.setdefault(g.reason, []).append(g.column)
+    shown = {why: [*some[:3], *[f"{len(some) - 3} others"] * (len(some) > 3)] for why, some in reasons.items()}
+    unknown = "; ".join(f"{', '.join(some)}: {why}" for why, some in shown.items())
+    return f"its columns make no table, of stamps with motion, positions or readings{f' ({unknown})' * bool(unknown)}"
+
+
+def first_columns(
+    guesses: Sequence[Guess], quantities: Sequence[str], sides: Sequence[str] = ("", "truth", "odometry")
+) -> dict[str, Guess]:
+    """Return the first column of each quantity on some sides."""
+    found = {g.quantity: g for g in reversed(guesses) if g.side in sides}
+    return {q: found[q] for q in quantities if q in found}
+
+
+def merge_parts(parts: Sequence[TablePart], unused: list[str]) -> list[TablePart]:
+    """Merge parts of the same table and columns; of all but readings keep the one with the most files."""
+    merged: dict[Any, TablePart] = {}
+    for part in parts:
+        key = part.table, part.kind, frozenset((q, g.column) for q, g in part.columns.items())
+        if key in merged:
+            before, columns = merged[key], {}
+            for q, guess in before.columns.items():
+                other = part.columns[q]
+                better = guess if guess.unit in UNITS else other  # of two units that of SI is more probable
+                why = f"files differ, in {part.files[0].name} it is {other.unit}, perhaps"
+                columns[q] = guess if guess.unit == other.unit else better._replace(reason=why)
+            part = before._replace(columns=columns, files=(*before.files, *part.files))
+        merged[key] = part
+    kept: list[TablePart] = []
+    for part in sorted(merged.values(), key=lambda part: (-len(part.files), len(part.columns))):
+        k = next((k for k, other in enumerate(kept) if other.table == part.table), -1)
+        if part.table in READINGS or k < 0:
+            kept.append(part)
+        elif all(q in part.columns and part.columns[q].column == g.column for q, g in kept[k].columns.items()):
+            kept[k] = kept[k]._replace(files=(*kept[k].files, *part.files))  # such as one that has headings too
+        else:
+            names = ", ".join(part.file_names)
+            unused.append(f"{names}: looks like {part.table} too, but has other columns than the rest; make them alike")
+    return kept
