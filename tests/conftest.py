@@ -14,7 +14,7 @@ from oracles import repeatable
 from processes import stop_server
 from unchanged import changes, look, own_draws
 
-from cooploc.scenarios import conformance
+from cooploc.scenarios import check_harness
 
 os.environ["MPLBACKEND"] = "agg"  # as the command line does, whichever test comes first
 for of_a_terminal in ("TERM", "COLUMNS", "LINES", "FORCE_COLOR", "NO_COLOR", "TTY_COMPATIBLE", "TTY_INTERACTIVE"):
@@ -32,8 +32,8 @@ def rng(request):
 @pytest.fixture
 def short_streams(monkeypatch):
     """Let checks in this process run on streams of a third of the ticks, for estimators that take long."""
-    short = {label: {**options, "ticks": 4} for label, options in conformance.SCENARIOS.items()}
-    monkeypatch.setattr(conformance, "SCENARIOS", short)
+    short = {label: {**options, "ticks": 4} for label, options in check_harness.SCENARIOS.items()}
+    monkeypatch.setattr(check_harness, "SCENARIOS", short)
 
 
 @pytest.fixture(scope="module", autouse=True)

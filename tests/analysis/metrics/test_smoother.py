@@ -12,7 +12,7 @@ from cooploc.analysis.plot.style import name_of, summarize_for_figures
 from cooploc.analysis.report import result_tables, sentences
 from cooploc.analysis.report.result_tables import RESULTS
 from cooploc.estimators.interface import Belief
-from cooploc.scenarios import conformance
+from cooploc.scenarios import check_harness
 from cooploc.scenarios.studies.study import Study
 
 
@@ -92,7 +92,7 @@ def test_it_is_not_ranked_never_best_and_said_to_be_offline(stream_and_truth):
 
 @pytest.mark.slow
 def test_it_passes_every_check_but_causality(short_streams, monkeypatch):
-    monkeypatch.setattr(conformance, "SCENARIOS", dict([*conformance.SCENARIOS.items()][:1]))
+    monkeypatch.setattr(check_harness, "SCENARIOS", dict([*check_harness.SCENARIOS.items()][:1]))
     report = cl.check_estimator(cl.Smoother(), isolate=False)
     assert report.passed, report.table()
     skipped = {result.check for result in report.results if result.status == "skipped"}

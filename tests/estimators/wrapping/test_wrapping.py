@@ -9,7 +9,8 @@ import pytest
 import cooploc as cl
 from cooploc.analysis.tuning.search import space_of
 from cooploc.estimators.tunable import declarations
-from cooploc.scenarios.conformance import Harness, run_check
+from cooploc.scenarios.check_harness import Harness
+from cooploc.scenarios.conformance import run_check
 from cooploc.scenarios.runner.trace import trace
 
 FILE = """

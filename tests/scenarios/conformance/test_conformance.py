@@ -10,17 +10,8 @@ import pytest
 
 from cooploc.estimators import BUILTIN, make
 from cooploc.estimators.errors import BadInput
-from cooploc.scenarios.conformance import (
-    CHECKS,
-    CheckFailed,
-    Harness,
-    Report,
-    Result,
-    check_estimator,
-    declaration,
-    require_equal,
-    run_check,
-)
+from cooploc.scenarios.check_harness import CheckFailed, Harness, require_equal
+from cooploc.scenarios.conformance import CHECKS, Report, Result, check_estimator, declaration, run_check
 
 NAMES = [
     "runs", "determinism", "truth-blindness", "causality", "link-honesty", "non-interference", "immutability",

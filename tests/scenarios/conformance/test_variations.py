@@ -5,7 +5,7 @@ import pytest
 from oracles import linear_team
 
 from cooploc.estimators import make
-from cooploc.scenarios import conformance, simulate, variations
+from cooploc.scenarios import check_harness, simulate, variations
 
 
 @pytest.fixture(params=["robots-1-3/n=3", "camera", "linear"])
@@ -37,7 +37,7 @@ def test_only_the_readings_of_that_robot_and_time_are_perturbed(stream, mode, si
 
 def test_the_small_streams_hold_every_case():
     """Present and absent readings, ticks with all and with none, packets that came and that did not."""
-    for stream in conformance.Harness("any", make("dead-reckoning"), seed=0).streams:
+    for stream in check_harness.Harness("any", make("dead-reckoning"), seed=0).streams:
         if stream.robots > 1:
             off = stream.air.link[..., ~np.eye(stream.robots, dtype=bool)]
             assert 0.5 < off.mean() < 0.9

@@ -1,0 +1,191 @@
+"""An estimator that is checked, run on small simulated streams, and what is compared of two runs, bit by bit."""
+
+import math
+from copy import copy
+from dataclasses import replace
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cooploc.estimators.errors import one_line
+from cooploc.estimators.interface import Array, Mask
+from cooploc.estimators.registry import traits
+from cooploc.scenarios import simulate, variations
+from cooploc.scenarios.process import limit_time, place_of
+from cooploc.scenarios.runner.tick import EstimatorError, IncompatibleEstimator, Watcher, select_channels
+from cooploc.scenarios.runner.trace import ROUNDING, Trace, require_fit, trace
+from cooploc.scenarios.stream import Stream
+
+TRIALS = 3
+_RADIO: dict[str, Any] = {"ticks": 12, "drop": 0.3}
+_CAMERA: dict[str, Any] = {**_RADIO, "sight": 8.0, "view": 1.5}  # wide view: even a short stream has sightings
+# One robot and one trial are a single row: the shape on which mistakes in broadcasting show.
+SCENARIOS = {"robots-1-3/n=3": _RADIO, "robots-1-3/n=1": _RADIO, "camera/n=3": _CAMERA, "camera/n=1": _CAMERA}
+
+
+class CheckFailed(Exception):
+    """A fault: one sentence with its place, and a remedy where the check's own does not fit."""
+
+    def __init__(self, found: str, remedy: str = "") -> None:
+        super().__init__(found)
+        self.remedy = remedy
+
+
+class RunRecord(NamedTuple):
+    """The beliefs and packets of one run."""
+
+    trace: Trace
+    packets: tuple[Array, ...]  # (t, n, ...) per tick, what send() returned; empty for a team estimator
+    stream: Stream
+
+    def select(self, trials: list[int]) -> "RunRecord":
+        """Return the record of these trials, in this order."""
+        t = self.trace
+        found = replace(t, x=t.x[trials], P=t.P[trials], messages=t.messages[trials], bytes=t.bytes[trials])
+        return RunRecord(found, tuple(sent[trials] for sent in self.packets), self.stream.select(trials))
+
+
+class Harness:
+    """An estimator, the small streams that it can run on, and how it ran on them."""
+
+    def __init__(self, name: str, estimator: Any, seed: int, run_limit: float = math.inf, ticks: int = 0) -> None:
+        self.name, self.estimator, self.seed, self.run_limit = name, estimator, seed, run_limit
+        self.changed = {"ticks": ticks} if ticks else {}
+        self.traits = traits(estimator) if not isinstance(estimator, type) else traits(None)
+        self.centralised = self.traits.team and self.traits.centralised  # only a team estimator can be
+        self.runs = 0
+
+    @property
+    def rng(self) -> np.random.Generator:
+        """A generator that is the same every time, whichever checks came before."""
+        return np.random.default_rng(self.seed)
+
+    @cached_property
+    def deterministic(self) -> bool:
+        """Whether its keys, the only randomness that is allowed, make no difference."""
+        return not any(self.differs(base, replace(stream, seed=stream.seed + 1)) for stream, base in self.cases)
+
+    @cached_property
+    def streams(self) -> list[Stream]:
+        """The small streams on which the estimator does not refuse to start, some of their readings absent."""
+        fitting, reasons = [], []
+        for label, overrides in SCENARIOS.items():
+            stream = simulate(label, trials=TRIALS, seed=self.seed, **overrides | self.changed)[1]
+            try:
+                require_fit(self.name, self.estimator, stream)
+            except IncompatibleEstimator as e:
+                reasons.append(str(e))
+                continue
+            sparse = variations.drop_readings(stream, self.rng)
+            fitting.append(replace(sparse, scenario=f"{stream.scenario}, some readings absent"))
+        if not fitting:
+            reason = "; ".join(reasons[::2])  # the scenarios come in pairs
+            raise CheckFailed(reason, remedy_of(reason))
+        return fitting
+
+    @cached_property
+    def cases(self) -> list[tuple[Stream, RunRecord]]:
+        """The streams, and how it runs on each where nothing is changed."""
+        return [(stream, self.run(stream, "")) for stream in self.streams]
+
+    @property
+    def team_cases(self) -> list[tuple[Stream, RunRecord]]:
+        """The cases of more than one robot."""
+        return [case for case in self.cases if case[0].robots > 1]
+
+    def arrays(self, stream: Stream) -> dict[str, str]:
+        """Return the channels of a stream that the estimator reads, each with its name in `Stream.arrays`."""
+        return {c: variations.name_of_array(c) for c in sorted(select_channels(self.name, self.estimator.uses, stream))}
+
+    def run(self, stream: Stream, when: str, estimator: Any = None, watch: Watcher | None = None) -> RunRecord:
+        """Run the estimator, or another in its place; `when` says what was changed, if anything: "no packets"."""
+        sent: list[Any] = []
+        at: tuple[str, int] = "init", -1
+        t, _, n = stream.senses.dt.shape
+
+        def record(method: str, tick: int, arguments: tuple[Any, ...], call: Any) -> Any:
+            nonlocal at
+            at = method, tick
+            result = watch(method, tick, arguments, call) if watch else call(*arguments)
+            if method == "send":
+                sent.append(copy(result))  # the runner says what is wrong with it
+            return result
+
+        self.runs += 1
+        varied = f" ({when})" if when else ""
+        try:
+            with limit_time(self.run_limit):
+                found = trace(self.name, self.estimator if estimator is None else estimator, stream, record)
+        except CheckFailed:
+            raise
+        except (EstimatorError, IncompatibleEstimator) as e:
+            raise CheckFailed(f"{e}{varied}", remedy_of(str(e))) from e
+        except (Exception, SystemExit, GeneratorExit) as e:
+            tick = f"at tick {at[1]} of" if at[1] >= 0 else "before the first tick of"
+            where = f"{at[0]}() raised {tick} {stream.scenario!r}{varied}"
+            raise CheckFailed(f"{where}: {one_line(e)}{place_of(e)}", remedy_of(one_line(e))) from e
+        return RunRecord(found, tuple(np.asarray(one, float).reshape(t, n, -1) for one in sent), stream)
+
+    def require_same(
+        self, base: RunRecord, stream: Stream, when: str, robots: Mask | bool = True, ticks: int | None = None
+    ) -> None:
+        """Run on a variation of the stream; require the bits of `base`, of these robots and first ticks."""
+        require_equal(base, self.run(stream, when), when, robots, ticks)
+
+    def differs(self, base: RunRecord, stream: Stream) -> bool:
+        """Return whether a variation of the stream changes any bit, or what runs."""
+        try:
+            self.require_same(base, stream, "it was changed")
+        except CheckFailed:
+            return True
+        return False
+
+
+def remedy_of(error: str) -> str:
+    """Return what to change after an error with words of `CAUSES`; empty for another."""
+    return next((remedy for words, remedy in CAUSES.items() if words in error), "")
+
+
+def require_equal(a: RunRecord, b: RunRecord, when: str, robots: Mask | bool = True, ticks: int | None = None) -> None:
+    """Require that two runs are bitwise equal, for these robots (n,) and in the first ticks that both have."""
+    (t, T, n), other = a.stream.senses.dt.shape, b.trace.x.shape[1]
+    for k in range(min(T, other, ticks or T)):
+        pairs = [("estimate", getattr(a.trace, what)[:, k], getattr(b.trace, what)[:, k]) for what in ("x", "P")]
+        if a.packets and b.packets:
+            pairs.append(("packet", a.packets[k], b.packets[k]))
+        for thing, p, q in pairs:
+            bad = np.zeros((t, T, n), bool)
+            bad[:, k] = p.shape != q.shape or (_bits(p) != _bits(q)).reshape(t, n, -1).any(-1)
+            bad[:, k] &= robots
+            if bad.any():
+                by = np.abs(p - q).reshape(t, n, -1)[bad[:, k]].max() if p.shape == q.shape else np.nan
+                rounding = ", which is rounding" * bool(by < ROUNDING)
+                require_none(bad, a.stream, f"'s {thing} changed by up to {by:.2g}{rounding}, when {when}")
+
+
+def _bits(a: Array) -> Any:
+    return np.where(np.isnan(a), np.nan, a).view(np.uint64)  # one nan, whatever its bits
+
+
+def require_none(bad: Mask, stream: Stream, fault: str) -> None:
+    """Require that `bad` (t, T, n) holds nowhere; else name the robot, its fault, and the first place in time."""
+    if bad.any():
+        tick, trial, robot = map(int, np.argwhere(bad.swapaxes(0, 1))[0])
+        raise CheckFailed(f"robot {robot}{fault}: {stream.scenario!r}, trial {stream.trial[trial]}, tick {tick}")
+
+
+# What to change after an error, by its words.
+
+ABSENT_READINGS = "treat nan as an absent reading: leave that row as it is in that update"
+COVARIANCES = "return (P + P.mT) / 2, and use an update that keeps P positive semidefinite, such as the Joseph form"
+CAUSES = {  # words of an error -> what to change
+    "covariance": COVARIANCES,
+    "not finite": ABSENT_READINGS,
+    "NaNs": ABSENT_READINGS,
+    "KeyError": "world.sensors and z.extra hold the channels that `uses` names, and no others",
+    "read-only": "inputs are read-only: copy an array before you write to it",
+    "shape": "cooploc.estimators.interface has the shape of every array",
+    "attribute 'radio_": "the readings of teammates come with what was heard, in fuse(): mail.range, mail.rssi",
+    "needs channel": "name in `uses` what these worlds have: 'a|b' is the first that there is, 'a?' one that may lack",
+}
