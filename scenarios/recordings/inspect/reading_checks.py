@@ -81,7 +81,7 @@ VARIED = 0.3  # [m] spread of distances, from which ranges can follow them
 
 
 def check_names(c: CheckedLog) -> None:
-    """Find ranges that do not follow the distances of who they name, and between robots whose they follow instead."""
+    """Find ranges that do not follow the distance of the two that they name, and of robots whose they follow."""
     for channel, readings in motion.range_channels(c.log):
         distance, pairs = motion.distances(c.log, channel), list(motion.pairs(readings, channel))
         spreads = [
@@ -93,8 +93,8 @@ def check_names(c: CheckedLog) -> None:
         if 2 * sum(off > UNRELATED * spread for off, spread in varied) <= len(varied):
             continue
         off, spread = np.median(varied, axis=0)
-        fact = f"ranges do not follow the distances of who they name: they are {off:.2g} m off where distances change"
-        fact, setting = f"{fact} by {spread:.2g} m", "nodes, or the places of anchors: whose name is whose"
+        fact = f"ranges do not follow the distance of the two that they name: they are {off:.2g} m off, and distances"
+        fact, setting = f"{fact} change by {spread:.2g} m", "nodes, or the places of anchors: whose name is whose"
         robots, truths = c.log.robots, [motion.known_truth(c.log, i) for i in range(len(c.log.robots))]
         known = {robots[i]: truth for i, truth in enumerate(truths) if truth is not None}
         if channel == "range" and len(known) == len(robots) > 2:
@@ -102,9 +102,9 @@ def check_names(c: CheckedLog) -> None:
             ranges = [NodeRanges(robots[i], robots[k], readings.time[rows], values[rows]) for i, k, rows in pairs]
             found = assign(ranges, known)
             if found.residual < off / 2 and found.second > 2 * found.residual:
-                other = [f"{node} is {robot}" for robot, node in found.nodes.items() if node != robot]
+                other = [f"{node} is of {robot}" for robot, node in found.nodes.items() if node != robot]
                 fact += f"; with other names they are {found.residual:.2g} m off"
-                setting = f"nodes: who is read as {', '.join(other)}"
+                setting = f"nodes: what is read as {', '.join(other)}"
         c.add("names", None, readings.source, fact, "likely", setting, motion.TABLES[channel])
 
 
