@@ -130,6 +130,7 @@ NAMES = ("robot", "other")  # quantities whose values are names
 ENDS = ("i", "j", "a", "b", "rx", "tx")  # names of the columns of who measured and what was measured
 RELATIVE = {"dx": "ahead", "dy": "left"}  # quantities that are of places if a column says whose
 MEASURED = {*RELATIVE, "range", "rssi", "bearing", "ahead", "left", "x", "speed"}
+FLAGS = 10  # values that a column without a quantity may have and be no measurement
 PART = "part of a quaternion"
 TUM = ("time", "x", "y", "")  # quantities of the columns before a quaternion
 
@@ -150,7 +151,8 @@ def infer_columns(table: CsvTable) -> tuple[Guess, ...]:
             if both[0].quantity == both[1].quantity or not {one.quantity for one in both} & {*NAMES}:
                 guesses[guesses.index(one)] = one._replace(quantity=quantity, reason="two columns with the same names")
     there = {guess.quantity for guess in guesses}
-    alone = [g for g in guesses if not g.quantity and len(table.numbers(g.column)) and g.reason != PART]
+    alone = [g for g in guesses if not g.quantity and len({*table.numbers(g.column)}) > FLAGS and g.reason != PART]
+    alone = [g for g in alone if "nothing" not in map(naming.QUANTITY.get, naming.words_of(g.column))]
     for k, guess in enumerate(guesses if {"time", "other"} <= there else ()):  # what was measured of another
         if guess.quantity in RELATIVE and {*RELATIVE} <= there:
             guesses[k] = guess._replace(

@@ -17,6 +17,13 @@ def guessed(folder, columns, name="table.csv"):
     return {guess.column: guess for guess in read_csv(path, path.name).guesses}
 
 
+@pytest.mark.parametrize(("name", "step", "quantity"), [("r", 0.1, "range"), ("quality", 0.1, ""), ("seen", 0, "")])
+def test_the_only_number_beside_who_was_measured_is_a_range_unless_it_is_a_flag(tmp_path, name, step, quantity):
+    columns = {"t": range(LINES), "from": ["a"] * LINES, "to": ["b"] * LINES}
+    columns[name] = [1 + step * k for k in range(LINES)]
+    assert guessed(tmp_path, columns)[name].quantity == quantity
+
+
 def test_the_folder_of_a_file_may_say_what_it_is_about(tmp_path):
     (tmp_path / "red.csv").write_text("t,x,y\n" + "".join(f"{k},{k},{k}\n" for k in range(LINES)))
     sides = [
