@@ -26,6 +26,7 @@ from cooploc.scenarios.recordings.team_log import TeamLog, reading_tables
 from cooploc.scenarios.recordings.text_files import LARGEST
 
 LARGE = 10_000  # bytes of a message, such as an image, that is not compared with others
+PICTURES = {f"sensor_msgs/msg/{kind}" for kind in ("Image", "CompressedImage", "PointCloud2")}  # are never read
 LATEST = 2**62  # [ns] in the year 2116: later times of receipt are damaged
 
 
@@ -133,10 +134,9 @@ def _parts(bag: Path, wanted: Wanted | None) -> list[Content]:
 def _collect(bag: Bag, wanted: Wanted | None) -> Content:
     """Return the messages of a bag: of all topics, or those that are wanted and of a type that is read."""
     topics = {name: Topic(kind, [], [], [], set()) for name, kind in bag.types.items()}
-    fields = wanted or {}
-    names = [
-        n for n, kind in bag.types.items() if wanted is None or (n in wanted and (kind in KINDS or fields[n].numbers))
-    ]
+    fields, names = wanted or {}, [name for name, kind in bag.types.items() if kind not in PICTURES]
+    if wanted is not None:
+        names = [n for n, kind in bag.types.items() if n in wanted and (kind in KINDS or wanted[n].numbers)]
     unreadable = dict.fromkeys(names, 0)
     for name, time, raw in bag.messages(names):
         topic = topics[name]
