@@ -3,7 +3,7 @@
 import csv
 import re
 import statistics
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from reprlib import repr as short_repr
 from typing import Any, NamedTuple
@@ -151,19 +151,24 @@ def infer_columns(table: CsvTable) -> tuple[Guess, ...]:
             if both[0].quantity == both[1].quantity or not {one.quantity for one in both} & {*NAMES}:
                 guesses[guesses.index(one)] = one._replace(quantity=quantity, reason="two columns with the same names")
     there = {guess.quantity for guess in guesses}
+    return tuple(_seen_of_another(table, guesses, there) if {"time", "other"} <= there else guesses)
+
+
+def _seen_of_another(table: CsvTable, guesses: Sequence[Guess], there: Collection[str]) -> list[Guess]:
+    """Return guesses where a column says who was measured: steps are its place, the only number is its range."""
     alone = [g for g in guesses if not g.quantity and len({*table.numbers(g.column)}) > FLAGS and g.reason != PART]
     alone = [g for g in alone if "nothing" not in map(naming.QUANTITY.get, naming.words_of(g.column))]
-    for k, guess in enumerate(guesses if {"time", "other"} <= there else ()):  # what was measured of another
-        if guess.quantity in RELATIVE and {*RELATIVE} <= there:
-            guesses[k] = guess._replace(
-                quantity=RELATIVE[guess.quantity], reason=f"{guess.reason}; beside who was seen"
-            )
-        elif not there & MEASURED and alone == [guess]:
+    found = list(guesses)
+    for k, guess in enumerate(guesses):
+        if guess.quantity in RELATIVE and {*RELATIVE} <= {*there}:
+            seen = f"{guess.reason}; beside who was seen"
+            found[k] = guess._replace(quantity=RELATIVE[guess.quantity], reason=seen)
+        elif alone == [guess] and not MEASURED & {*there}:
             kind = "rssi" if (table.numbers(guess.column) < 0).all() else "range"
             unit, why = infer_unit(kind, "", table.numbers(guess.column), np.inf)
-            reason = f"the only number beside who was measured, perhaps; {why}"
-            guesses[k] = guess._replace(quantity=kind, unit=unit, reason=reason)
-    return tuple(guesses)
+            only = f"the only number beside who was measured, perhaps; {why}"
+            found[k] = guess._replace(quantity=kind, unit=unit, reason=only)
+    return found
 
 
 def _quaternions(table: CsvTable) -> dict[str, Guess]:
@@ -194,9 +199,8 @@ def _quaternions(table: CsvTable) -> dict[str, Guess]:
 
 
 def _guess(table: CsvTable, column: str, file_side: str) -> Guess:
-    quantity, named_unit, side = naming.name_meaning(
-        f"{column} [{unit}]" if (unit := table.units.get(column)) else column
-    )
+    below = f" [{table.units[column]}]" if column in table.units else ""
+    quantity, named_unit, side = naming.name_meaning(column + below)
     reason, values = f"its name {column!r}", table.numbers(column)
     change = np.diff(values)
     beside = {naming.name_meaning(name)[::2] for name in table.columns}
