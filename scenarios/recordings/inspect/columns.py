@@ -125,6 +125,7 @@ def table_of_fields(topic: str, fields: Mapping[str, Sequence[Any]]) -> CsvTable
 
 EPOCHS = {"ns": 1e9, "us": 1e6, "ms": 1e3, "s": 1.0}  # in a second
 SINCE_1970 = (5e8, 5e9)  # [s] from 1985 to 2128
+FAR = "far for metres"  # of a length whose span alone is for another unit
 SLOW = 2.0  # [1/s] in radians robots turn more slowly, in degrees faster
 NAMES = ("robot", "other")  # quantities whose values are names
 ENDS = ("i", "j", "a", "b", "rx", "tx")  # names of the columns of who measured and what was measured
@@ -287,8 +288,8 @@ def infer_unit(quantity: str, named: str, values: Array, turn_rate: float) -> tu
         (quantity == "turn_rate" and usual > 2 * np.pi, "deg/s", f"values reach {largest:.4g}: too fast in rad/s"),
         (quantity == "speed" and largest > 30, "mm/s", f"values reach {largest:.4g}: too fast for m/s"),
         (usual_unit != "m", usual_unit, "SI" * (quantity in naming.RATES)),
-        (span > 1000, "mm", f"values span {span:.4g}: too far for metres"),
-        (span > 100, "cm", f"values span {span:.4g}: far for metres, perhaps"),
+        (span > 1000, "mm", f"values span {span:.4g}: too {FAR}"),
+        (span > 100, "cm", f"values span {span:.4g}: {FAR}, perhaps"),
     )
     return next(((unit, why) for holds, unit, why in rules if holds), ("m", f"values span {span:.3g}"))
 

@@ -1,15 +1,17 @@
 """A drafted log.toml: its lines and tables, each with its reason, and its text."""
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from cooploc.estimators.errors import BadInput
+from cooploc.scenarios.recordings.inspect.columns import FAR
 from cooploc.scenarios.recordings.inspect.findings import Finding
 from cooploc.scenarios.recordings.sampling import span
+from cooploc.scenarios.recordings.schema import UNITS
 from cooploc.scenarios.recordings.team_log import TeamLog, arena_around
 
 WIDEST = 100  # characters in a line before its comment moves above it
@@ -49,6 +51,24 @@ class Draft(NamedTuple):
             name = f"[{table.name}]" if names.count(table.name) == 1 else f"[[{table.name}]]"
             blocks.append("\n".join([name, *(f"# {line}" for line in table.remarks), *map(_line, table.entries)]))
         return "\n\n".join(blocks) + "\n"
+
+
+def in_metres(draft: Draft, names: Collection[str]) -> Draft:
+    """Return the draft with lengths in metres, in these tables, where their span alone was for another unit."""
+    tables, plain, why = [], set[str](), "values span far, but in metres they fit what else was recorded"
+    for table in draft.tables:
+        guessed = {e.key: e for e in table.entries if FAR in e.why and table.name in names}
+        units = [e.value["unit"] if isinstance(e.value, dict) else e.value for e in guessed.values()]
+        entries = [e for e in table.entries if not (e.key == "unit" and e.key in guessed)]
+        for k, e in enumerate(entries):
+            if e.key in guessed:
+                entries[k] = Entry(e.key, e.value["column"], why, "likely")
+                plain.add(e.value["column"])
+            elif e.key == "missing_from" and units:
+                entries[k] = e._replace(value=float(f"{e.value / UNITS['m'][units[0]]:.3g}"))
+        tables.append(table._replace(entries=tuple(entries)))
+    rows = [(*r[:2], f"{r[2].split(' ')[0]} [m]", why) if r[1] in plain and FAR in r[3] else r for r in draft.columns]
+    return draft._replace(tables=tuple(tables), columns=tuple(rows))
 
 
 def complete_draft(path: Path, draft: Draft, log: TeamLog, findings: tuple[Finding, ...], runs: int) -> Draft:

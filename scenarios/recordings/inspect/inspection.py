@@ -1,5 +1,6 @@
 """The inspection of a recording, from a path to series, findings and a log.toml."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -13,13 +14,14 @@ from cooploc.scenarios.recordings.inspect.bag_draft import bag_draft
 from cooploc.scenarios.recordings.inspect.checks import GAP, check_recording
 from cooploc.scenarios.recordings.inspect.csv_draft import csv_draft
 from cooploc.scenarios.recordings.inspect.draft_toml import Draft, Entry, common_span
-from cooploc.scenarios.recordings.inspect.findings import Finding
+from cooploc.scenarios.recordings.inspect.findings import CheckedLog, Finding
 from cooploc.scenarios.recordings.scenario import NO_ORDER, TeamScenario, reader
 from cooploc.scenarios.recordings.team_log import TeamLog, other_names
 from cooploc.scenarios.recordings.text_files import is_text
 
 NOT_FALLING, NO_RSSI = "does not fall with distance", "[rssi] is left out of log.toml"
 ARCHIVES = (".zip", ".tar", ".tgz", ".gz", ".bz2", ".xz", ".7z", ".rar")
+WITH_LENGTHS = (("truth", "ranges", "sightings"), ("truth",), ("ranges", "sightings"))  # tables
 TOO_LITTLE = "too little for"  # in the problem of a recording that is too short to be fitted
 
 
@@ -96,6 +98,13 @@ def inspect_recording(path: Path, run: str = "", again: bool = False) -> Inspect
         description = schema.parse(home, draft.text())
         log = of_format.read_run(places[name], name, description)
     checked = check_recording(log)
+    if not stated:
+
+        def read(other: Draft) -> TeamLog:
+            found: TeamLog = of_format.read_run(places[name], name, schema.parse(home, other.text()))
+            return found
+
+        draft, log, checked = fit_lengths(draft, log, checked, read)
     findings = (*draft.doubts, *checked.findings)
     if not stated:
         draft = draft_toml.complete_draft(path, draft, checked.log, findings, len(places))
@@ -113,6 +122,19 @@ def inspect_recording(path: Path, run: str = "", again: bool = False) -> Inspect
             text, trial = assumed, found_trial
     found = tuple(places), log, checked.log, tuple(series_rows(log)), findings
     return Inspected(path, description.format, why, *found, draft.columns, draft.unused, text, trial)
+
+
+def fit_lengths(
+    draft: Draft, log: TeamLog, checked: CheckedLog, read: Callable[[Draft], TeamLog]
+) -> tuple[Draft, TeamLog, CheckedLog]:
+    """Return a draft, its recording and the checks of it, with lengths that span far in metres if more fits then."""
+    tried = [(draft, log, checked)]
+    for tables in WITH_LENGTHS if any(one.kind == "unit" for one in checked.findings) else ():
+        other = draft_toml.in_metres(draft, tables)
+        if other != draft:
+            again = read(other)
+            tried.append((other, again, check_recording(again)))
+    return min(tried, key=lambda one: sum(finding.kind == "unit" for finding in one[2].findings))
 
 
 def recognize(path: Path) -> tuple[str, str]:

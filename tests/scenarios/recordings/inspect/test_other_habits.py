@@ -333,6 +333,19 @@ def test_places_of_who_was_seen_are_sightings_and_tags_stand_beside_anchors(team
     np.testing.assert_allclose(readings["sighting"].values[0], [5.0, np.arctan2(4, 3)])
 
 
+def test_lengths_that_span_far_are_metres_where_that_fits_what_else_was_recorded(team):
+    """Fifty times as large: a hundred metres. As centimetres they would be driven a hundred times as slowly as said."""
+    larger = changed(**dict.fromkeys(("x", "y", "v", "range"), lambda metres: 52 * metres))
+    found = cl.inspect(team(larger), again=True).inspected
+    assert found.findings == ()
+    assert np.ptp(found.log.truth[0].values[:, 0]) > 100
+    assert not any("[cm]" in meaning for _, _, meaning, _ in found.columns)
+    slower = changed(**dict.fromkeys(("x", "y", "range"), lambda metres: 100 * metres))  # these are centimetres
+    found = cl.inspect(team(slower), again=True).inspected
+    assert found.findings == ()
+    assert np.ptp(found.log.truth[0].values[:, 0]) < 10
+
+
 def test_robots_and_anchors_may_have_the_same_numbers(team):
     places = {1: (0.0, 0.0), 2: (10.0, 0.0), 3: (5.0, 8.0)}
 
