@@ -352,9 +352,8 @@ def _ranges_by_frame(
     found = {}
     for topic, fields in messages.items():
         table, own = table_of_fields(topic, fields), next((robot for robot in robots if robot in topic), "")
-        words = table.names("header.frame_id")
-        meant = {*words, *match_names(words, robots).values()}
-        if own and own not in meant and meant & {*robots, *fixed}:
+        named = {part for word in table.names("header.frame_id") for part in word.split("/")}
+        if own and own not in named and named & {*robots, *fixed}:  # sonar_1 is of no robot
             why = "the frames of its headers are robots or places"
             guesses = (g._replace(quantity="other", reason=why) if "frame_id" in g.column else g for g in table.guesses)
             found[topic] = table._replace(guesses=tuple(guesses))

@@ -47,7 +47,7 @@ def name_meaning(column: str) -> tuple[str, str, str]:
     pair = next((f"{a} {b}" for a, b in pairwise(words) if f"{a} {b}" in QUANTITY_OF_PAIR), "")
     known = [QUANTITY[word] for word in words if word in QUANTITY]
     names = [QUANTITY.get(word) for word in words_of(column.rpartition(".")[2])] if "." in column else []
-    known = [quantity for quantity in names if quantity in ("robot", "other")] or known  # ranges.id is no range
+    known = [quantity for quantity in names if quantity in ("robot", "other")] or known  # ranges.id names something
     unknown = "range" if "{other}" in column and words in (["r"], ["rho"]) else ""
     quantity = QUANTITY_OF_PAIR[pair] if pair else min(known, key=list(_WORDS["quantities"]).index, default=unknown)
     if quantity == "nothing" or words[-1:] in AXES.get(quantity, ()):
@@ -181,7 +181,7 @@ def match_names(words: Iterable[str], robots: Sequence[str]) -> dict[str, str]:
     """
     found, words = dict[str, str](), list(dict.fromkeys(words))
     nameless, numbers = [robot for robot in robots if robot not in words], numbers_of(robots)
-    if len(words) == len(robots) > 1 and all(map(str.isdigit, words)):
+    if len(words) == len(nameless) > 1 and all(map(str.isdigit, words)):
         counted, known = (sorted(map(int, some)) for some in (words, numbers))
         if [n - counted[0] for n in counted] == [n - known[0] for n in known] and abs(counted[0] - known[0]) == 1:
             return {word: numbers[str(int(word) - counted[0] + known[0])] for word in words}

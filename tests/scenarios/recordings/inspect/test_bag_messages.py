@@ -268,16 +268,19 @@ def test_frames_that_odometry_moves_are_no_truth(tmp_path):
 
 @pytest.mark.parametrize("names", [("tb3_blue", "tb3_red"), ("r1", "r10"), ("1", "2")])
 def test_a_robots_name_is_a_word_of_its_topics(tmp_path, names):
-    """Robots tb3_blue and tb3_red share letters and a number, r1 stands in r10, and /odom_1 is of 1."""
+    """Robots tb3_blue and tb3_red share letters and a number, r1 stands in r10, and /odom_1 is of 1; a sonar of none."""
     written = dict(zip(ROBOTS, names, strict=True))
     messages = [one for make in USUAL.values() for one in make(two_robots(seconds=40))]
     for robot, name in written.items():
         messages = [(topic.replace(f"/{robot}", f"/{name}"), *rest) for topic, *rest in messages]
     if names == ("1", "2"):
         messages = [(re.sub(r"/([12])/odom", r"/odom_\1", topic), *rest) for topic, *rest in messages]
+    sonar = {"range": 0.25, "header.frame_id": "sonar_10"}
+    messages += [(f"/{names[0]}/sonar", "sensor_msgs/msg/Range", one[2], sonar) for one in messages[:300]]
     write_messages(tmp_path / "team", messages)
     log = inspect_recording(tmp_path).log
     assert log.robots == names
+    assert 0.25 not in log.readings["range"].values
     assert [one.source for one in log.truth] == [f"/vrpn/{name}/pose" for name in names]
     assert len(log.readings["range"].time) > 100
 

@@ -313,7 +313,7 @@ def test_anchors_are_meant_by_their_numbers(team):
 
 
 def test_places_of_who_was_seen_are_sightings_and_tags_stand_beside_anchors(team):
-    """dx and dy are no odometry there, and A1 is no robot beside T2, which is robot2."""
+    """dx and dy are places there, and not odometry; beside T2, which is robot2, A1 is an anchor."""
     places = {"A1": (0.0, 0.0), "A2": (8.0, 8.0)}
     anchors = pd.DataFrame([(name, *at) for name, at in places.items()], columns=["id", "x", "y"])
 
@@ -442,6 +442,7 @@ def test_beside_a_robot_by_its_name_a_number_is_of_no_robot():
     counted_from_one = {"1": "tb3_0", "2": "tb3_1", "3": "tb3_2"}
     assert match_names(["2", "1", "3"], [*counted_from_one.values()]) == counted_from_one
     assert match_names(["1", "2"], [*counted_from_one.values()]) == {"1": "tb3_1", "2": "tb3_2"}
+    assert match_names(["2", "3", "4"], ["1", "2", "3"]) == {}  # two of them are robots by their names
 
 
 def test_numbers_that_a_robot_would_share_with_itself_are_of_anchors(team):
