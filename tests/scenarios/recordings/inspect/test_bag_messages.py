@@ -268,7 +268,7 @@ def test_frames_that_odometry_moves_are_no_truth(tmp_path):
 
 @pytest.mark.parametrize("names", [("tb3_blue", "tb3_red"), ("r1", "r10"), ("1", "2")])
 def test_a_robots_name_is_a_word_of_its_topics(tmp_path, names):
-    """Robots tb3_blue and tb3_red share letters and a number, r1 stands in r10, and /odom_1 is of 1; a sonar of none."""
+    """Robots tb3_blue and tb3_red share letters and a number, r1 stands in r10, /odom_1 is of 1, a sonar of none."""
     written = dict(zip(ROBOTS, names, strict=True))
     messages = [one for make in USUAL.values() for one in make(two_robots(seconds=40))]
     for robot, name in written.items():
