@@ -259,8 +259,8 @@ def match_trajectories(
     true = read_team(truth)
     teams = {name: read_team(Path(folder), list(true), name) for name, folder in estimates.items()}
     for name, team in teams.items():
-        if all(np.array_equal(team[robot].x, true[robot].x, equal_nan=True) for robot in true):
-            raise BadInput(f"{name}: its poses are the true ones, to the last digit: name other files")
+        if same := next((r for r in true if np.array_equal(team[r].x, true[r].x, equal_nan=True)), ""):
+            raise BadInput(f"{name}: poses of robot {same!r} are the true ones, to the last digit: name other files")
     matched = {robot: _common(robot, true[robot], teams, largest) for robot in true}
     paths = {robot: true[robot].x[index] for robot, (index, _) in matched.items()}
     remarks = [note for team in (true, *teams.values()) for one in team.values() for note in one.notes]

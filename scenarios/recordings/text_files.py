@@ -89,7 +89,7 @@ def read_text(path: Path) -> str:
     if of_table := OTHER_TABLES.get(path.suffix.lower()):
         try:
             table = of_table(path)
-        except (ValueError, OSError, StopIteration) as e:
+        except (ValueError, OSError, StopIteration, RecursionError) as e:  # brackets within brackets
             raise BadInput(f"{path}: this is no {path.suffix[1:]} file, or it is damaged; get the file again") from e
         return table.to_csv(index=table.index.names != [None])
     try:

@@ -211,3 +211,10 @@ def test_a_compressed_text_may_be_in_parts_and_cut_off(tmp_path):
     path.write_bytes(b"time,v\n1,2\n")
     with pytest.raises(BadInput, match="this is no gzip file, or it is damaged"):
         read_text(path)
+
+
+@pytest.mark.parametrize("text", ["[" * 100_000, "[1, 2]", '{"a": 1', "[]"], ids=range(4))
+def test_json_that_is_no_table_is_one_line(tmp_path, text):
+    (tmp_path / "odom.json").write_text(text)
+    with pytest.raises(BadInput, match=r"odom.json: this is no json file, or it is damaged"):
+        read_text(tmp_path / "odom.json")
