@@ -256,9 +256,9 @@ Rows = list[tuple[int, list[str]]]  # number of a line from 1, and its fields
 def split_fields(text: str, delimiter: str) -> tuple[list[str], int, Rows]:
     """Return the names of the columns, their line from 1, and the lines below it, those that are blank left out.
 
-    Names stand in the first line, or in the last comment above it, or are "1", "2" ... where that line has mostly
-    numbers already, as those below. Titles above the names, of another number of fields than most lines, do not count,
-    nor does an empty field at the end of a line, for which there is no name.
+    Names stand in the first line, or in the last comment above it, or are "1", "2" ... where half of that line are
+    numbers already, as below it. Titles above the names, of another number of fields than most lines, do not count, nor
+    does an empty field at the end of a line, for which there is no name.
     """
     rows = list(fields_of(text, delimiter))
     above = next((k for k, (_, fields) in enumerate(rows) if not fields[0].startswith(COMMENTS)), len(rows))
@@ -280,7 +280,7 @@ def split_fields(text: str, delimiter: str) -> tuple[list[str], int, Rows]:
         rows = rows[1:]  # it has a word where there are numbers below
     elif len(named) == len(head) > 1:
         line, head = comments[-1][0], named
-    elif below and sum(has_number) > len(head) / 2 and has_number in below:
+    elif below and sum(has_number) >= len(head) / 2 and has_number in below:
         head = [str(k + 1) for k in range(len(head))]
     else:
         rows = rows[1:]

@@ -13,6 +13,7 @@ import numpy as np
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array
 from cooploc.scenarios.recordings.inspect import naming
+from cooploc.scenarios.recordings.inspect.nameless import names_by_values
 from cooploc.scenarios.recordings.text_files import (
     COMMENTS,
     LEAST_LEFT,
@@ -133,11 +134,21 @@ RELATIVE = {"dx": "ahead", "dy": "left"}  # quantities that are of places if a c
 MEASURED = {*RELATIVE, "range", "rssi", "bearing", "ahead", "left", "x", "speed"}
 FLAGS = 10  # values that a column without a quantity may have and be no measurement
 PART = "part of a quaternion"
-TUM = ("time", "x", "y", "")  # quantities of the columns before a quaternion
 
 
 def infer_columns(table: CsvTable) -> tuple[Guess, ...]:
-    """Guess the meaning of each column."""
+    """Guess the meaning of each column; of those without names by what they are probably called."""
+    if called := names_by_values(table.columns, table.name):
+        named = table._replace(columns={called[column]: values for column, values in table.columns.items()})
+        columns = {name: column for column, name in called.items()}
+        return tuple(
+            guess._replace(
+                column=columns[guess.column],
+                quaternion=tuple(columns[name] for name in guess.quaternion),
+                reason=f"{guess.column!r} by its place and its values{', perhaps' * (guess.quantity != 'time')}",
+            )
+            for guess in infer_columns(named)
+        )
     path, quaternions = Path(table.name), _quaternions(table)
     file_side = naming.side_of(path.stem) or naming.side_of(path.parent.name)
     guesses = [
@@ -175,16 +186,13 @@ def _seen_of_another(table: CsvTable, guesses: Sequence[Guess], there: Collectio
 def _quaternions(table: CsvTable) -> dict[str, Guess]:
     """Return guesses for columns that are quaternions, of x, y, z, w or of z, w: that of w is taken for the heading.
 
-    A unit may follow: q_RS_w [] of EuRoC. Eight columns without names, of which the last four are a quaternion, are
-    stamp, position and orientation (TUM).
+    A unit may follow: q_RS_w [] of EuRoC.
     """
     found: dict[str, Guess] = {}
-    numbered = list(table.columns) == list("12345678")
     for column in table.columns:
         of_w = re.fullmatch(r"(.*)([wW])(\s*[\[(].*)?", column)
         own = [f"{of_w[1]}{q}{of_w[3] or ''}" for q in ("xyzw" if of_w[2] == "w" else "XYZW")] if of_w else []
         own = [name for name in own if name in table.columns]
-        own = list("5678") if numbered and column == "8" else own
         values = [values for name in own if not isinstance(values := table.columns[name], tuple)]
         if len(own) not in (2, 4) or len(values) < len(own):
             continue
@@ -193,9 +201,6 @@ def _quaternions(table: CsvTable) -> dict[str, Guess]:
             found |= {name: Guess(name, "", "", "", PART) for name in own}
             whole = f"with {', '.join(own[:-1])} of length 1: a quaternion"
             found[column] = Guess(column, "heading", "rad", "", whole, tuple(own))
-            for k, quantity in enumerate(TUM if numbered else (), 1):
-                unit = _time_unit(table.numbers("1"))[0] if quantity == "time" else "m" * bool(quantity)
-                found[f"{k}"] = Guess(f"{k}", quantity, unit, "", f"column {k} of eight as in TUM files")
     return found
 
 

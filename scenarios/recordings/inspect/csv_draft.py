@@ -26,6 +26,7 @@ from cooploc.scenarios.recordings.inspect.columns import (
 from cooploc.scenarios.recordings.inspect.draft_toml import Draft, DraftTable, Entry
 from cooploc.scenarios.recordings.inspect.findings import Finding
 from cooploc.scenarios.recordings.inspect.table_parts import (
+    NAMELESS,
     READINGS,
     STAMPS,
     TablePart,
@@ -266,8 +267,8 @@ def _lack_of(needed: str, folder: Path, files: Sequence[CsvTable], lacking: Mapp
 
     `lacking` says of files why they make no table.
     """
-    if nameless := next((file.name for file in files if [*file.columns][:2] == ["1", "2"]), ""):
-        return f"{folder / nameless}: numbers where the names of the columns should be; add a line of names"
+    if nameless := next((name for name, lack in lacking.items() if lack == NAMELESS), ""):
+        return f"{folder / nameless}: {NAMELESS}; add a line of names"
     sides = (needed,) if len(lacking) < len(files) else (needed, "")  # of some that say nothing none is to blame
     if odd := next((name for name in lacking if naming.side_of(Path(name).stem) in sides), ""):
         return f"{folder / odd}: {lacking[odd]}, and so no {needed}; name its columns in log.toml"

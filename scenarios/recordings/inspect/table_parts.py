@@ -11,6 +11,7 @@ from cooploc.scenarios.recordings.schema import COLUMNS, UNITS
 READINGS = ("sightings", "ranges", "rssi")
 QUANTITIES = (("range", "bearing"), ("ahead", "left")), (("range",),), (("rssi",),)  # of each
 STAMPS = ("time", "sec", "nsec")
+NAMELESS = "numbers where the names of the columns should be"
 KINDS = ("velocity", "path", "increment", "displacement", "pose")  # of odometry; the first whose columns a file has
 
 # Of odometry in two files, speeds in one and turns in the other: quantity -> its table, and the kind of odometry.
@@ -99,6 +100,8 @@ def split_readings(guesses: Sequence[Guess], named: bool) -> list[tuple[Guess, .
 
 def why_no_table(file: CsvTable, halves: bool = False) -> str:
     """Return why a file makes no table; "" where it makes one."""
+    if not any(g.quantity for g in file.guesses) and [*file.columns][:2] == ["1", "2"]:
+        return NAMELESS
     if parts_of(file, halves) or not {g.quantity for g in file.guesses} & {"time", "sec"}:
         why = next((g.reason for g in file.guesses if naming.name_meaning(g.column)[0] in ("time", "sec")), "time")
         return "" if parts_of(file, halves) else f"no column of it holds stamps ({why})"

@@ -189,6 +189,19 @@ def as_json(options):
     return write
 
 
+def numbers_alone(files):
+    """Robots by number, poses with quaternions as TUM has them, ranges of each robot's own file."""
+    files = quaternion(["qx", "qy", "qz", "qw"])(files)
+    ranges = files.pop("uwb.csv")
+    for number, robot in enumerate(ROBOTS, 1):
+        files[f"odom_{number}.txt"], truth = files.pop(f"odom_{robot}.csv"), files.pop(f"truth_{robot}.csv")
+        truth.insert(3, "z", 0.0)
+        files[f"gt_{number}.txt"] = truth
+        own = ranges[ranges["from"] == robot]
+        files[f"uwb_{number}.txt"] = own[["time"]].assign(to=3 - number, range=own["range"])
+    return files
+
+
 def compass(files):
     """Headings clockwise from north, which is along y."""
     turned = changed(theta=lambda heading: np.degrees(np.pi / 2 - heading) % 360)(files)
@@ -237,6 +250,8 @@ HABITS = {
     "the last line first": (lambda files: {name: t[::-1] for name, t in files.items()}, {}, None),
     "a write that was interrupted": (SAME, {}, lambda text: text + 4096 * "\0"),
     "a matrix of ranges": (matrix, {}, None),
+    "no names": (SAME, {"header": False, "index": True}, None),
+    "numbers alone": (numbers_alone, {"header": False, "sep": " "}, None),
     "names again": (SAME, {}, lambda text: text.replace("\n", "\n" + text.split("\n")[0] + "\n", 2)),
 }
 

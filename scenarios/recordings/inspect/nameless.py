@@ -1,0 +1,97 @@
+"""What the columns of files without names are: numbers alone, as robots, loggers and MATLAB write them.
+
+What a file is about its own name must say (odom_red.txt, gt.txt, uwb.txt); its values then decide. Stamps rise, numbers
+of robots and anchors are few and whole, a heading follows the direction of travel, a quaternion has length 1.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from cooploc.estimators.interface import Array
+from cooploc.scenarios.recordings.inspect import naming
+
+TUM = ("timestamp", "x", "y", "z", "qx", "qy", "qz", "qw")
+MOST_NAMES = 100  # that a column of names has
+FOLLOWS = 0.7  # least mean cosine between the heading and the direction of travel, forwards or backwards
+PLACES = {3: ("x", "y", "yaw"), 6: ("x", "y", "z", "roll", "pitch", "yaw")}  # where the last of so many is a heading
+SPEEDS = 8.0  # [m/s] or [rad/s], which no speed and no turn rate exceeds
+
+
+def names_by_values(columns: Mapping[str, Array | tuple[str, ...]], file: str) -> dict[str, str]:
+    """Return the probable names of the columns "1", "2", ... of a file; none where they do not become clear.
+
+    One column of names says whose a pose is, or what was measured; two say who measured what.
+    """
+    if [*columns] != [f"{k}" for k in range(1, len(columns) + 1)]:
+        return {}
+    numbers = {column: values for column, values in columns.items() if not isinstance(values, tuple)}
+    rows = np.array([*numbers.values()]).T
+    whole = rows[np.isfinite(rows).all(-1)] if len(numbers) else np.empty((0, 0))
+    if len(whole) < 2:
+        return {}
+    if len(columns) == len(numbers) == len(TUM) and _is_quaternion(whole[:, 4:]):
+        return dict(zip(columns, TUM, strict=True))
+    of = dict(zip(numbers, whole.T, strict=True))
+    clocks = [column for column, values in of.items() if _is_clock(values)]
+    counters = [column for column in clocks if (np.diff(of[column]) == 1).all()][: len(clocks) - 1]
+    if not (time := next((column for column in clocks if column not in counters), "")):
+        return {}
+    names = [column for column in columns if column not in numbers]
+    names += [column for column, values in of.items() if column != time and _are_numbers_of_things(values)]
+    rest = [column for column in of if column not in (time, *counters, *names)]
+    measured = _measured([of[column] for column in rest], file)
+    things = ("robot", "other")[:: 1 if len(names) > 1 else -1] if "range" in measured else ("robot",)
+    if not measured or len(names) > len(things):
+        return {}
+    known = {
+        time: "time",
+        **{column: f"seq {column}" for column in counters},
+        **dict(zip(rest, measured, strict=True)),
+        **dict(zip(names, things, strict=False)),
+    }
+    return {column: known[column] for column in columns}
+
+
+def _measured(values: list[Array], file: str) -> tuple[str, ...]:
+    """Return the names of the columns that are neither stamps nor names."""
+    path, n = Path(file), len(values)
+    side = naming.side_of(path.stem) or naming.side_of(path.parent.name)
+    if not side:
+        is_range = naming.name_meaning(path.stem)[0] == "range" and 1 <= n <= 2 and (values[0] >= 0).all()
+        is_bearing = n == 2 and np.abs(values[1]).max() <= np.pi
+        return ("range", "bearing")[:n] if is_range and n == 1 + is_bearing else ()
+    if n in PLACES and _follows(values[0], values[1], values[-1]):
+        return PLACES[n]
+    if n == 7 and _is_quaternion(np.array(values[3:]).T):
+        return TUM[1:]
+    if n == 2 and side == "odometry" and np.max(np.abs(values)) < SPEEDS:
+        return ("v", "w")
+    return ("x", "y", "z")[:n] if side == "truth" and n in (2, 3) else ()
+
+
+def _is_clock(values: Array) -> bool:
+    """Whether values are stamps: they rise, but for a few places where another robot or run begins."""
+    steps = np.diff(values)
+    return bool((steps < 0).mean() < 0.02 and (steps > 0).mean() > 0.5 and len({*values.tolist()}) > 2)
+
+
+def _are_numbers_of_things(values: Array) -> bool:
+    different = np.unique(values)
+    return bool(len(different) <= min(MOST_NAMES, len(values) / 5) and (different == np.abs(np.rint(different))).all())
+
+
+def _is_quaternion(values: Array) -> bool:
+    return bool((np.abs(np.linalg.norm(values, axis=-1) - 1) < 0.01).mean() > 0.9)
+
+
+def _follows(x: Array, y: Array, heading: Array) -> bool:
+    """Whether a heading, in radians or degrees, is that of travel along x and y."""
+    driven = np.append(0.0, np.cumsum(np.hypot(np.diff(x), np.diff(y))))
+    at = np.unique(np.searchsorted(driven, np.linspace(0, driven[-1], 200)[:-1]))
+    if len(at) < 3:
+        return False
+    angle = np.deg2rad(heading) if np.abs(heading).max() > 4 * np.pi else heading
+    travel = np.arctan2(np.diff(y[at]), np.diff(x[at]))
+    return bool(abs(np.cos(travel - angle[at[:-1]]).mean()) > FOLLOWS)
