@@ -125,13 +125,16 @@ def _arena(log: TeamLog) -> tuple[Entry, ...]:
 def _settings(log: TeamLog, runs: int) -> tuple[DraftTable, ...]:
     """Return [sample], [prior] and [fit] for a recording of so many runs."""
     stamps = [s.time for s in log.odometry if len(s.time) > 1]
-    usual = float(np.median([float(np.median(np.diff(t))) for t in stamps])) if stamps else 0.1
+    usual, of_truth = (
+        float(np.median([float(np.median(np.diff(s.time))) for s in every if s and len(s.time) > 1] or [0.1]))
+        for every in (log.odometry, log.truth)
+    )
     length = common_span(log) or max((float(t[-1] - t[0]) for t in stamps), default=FIRST_PART)
     tick = next((t for t in TICKS if t >= 0.99 * max(usual, 0.1)), TICKS[-1])
-    max_gap = round(max(0.5, 5 * usual), 3)
+    max_gap = round(max(0.5, 5 * usual, 2 * of_truth), 3)
     sample = (
         Entry("tick", tick, f"[s] odometry comes every {usual:.3g} s"),
-        Entry("max_gap", max_gap, "[s] five intervals of odometry, at least 0.5", "likely"),
+        Entry("max_gap", max_gap, "[s] five intervals of odometry or two of the truth, at least 0.5", "likely"),
     )
     headed = all(s is None or np.isfinite(s.values[:, 2]).any() for s in log.truth) and any(log.truth)
     why = "the truth has a heading" if headed else "the truth has no heading: the direction of the first motion"

@@ -210,7 +210,8 @@ def try_draft(data: Path, description: schema.TeamDescription) -> Trial:
             seconds = stream.world.tick * len(stream.time)
             robots = f"{stream.robots} robot{'s' * (stream.robots > 1)}"
             weak = f"; it {NO_ORDER}: " + "; ".join(reasons) if (reasons := run.weaknesses(truth, stream)) else ""
-            lines.append(f"run {run.run!r}: {robots}, {float(f'{seconds:.3g}'):g} s are judged{weak}")
+            known = f", in {truth.valid.mean():.0%} of which the truth is known" if truth.valid.mean() < 0.9 else ""
+            lines.append(f"run {run.run!r}: {robots}, {float(f'{seconds:.3g}'):g} s are judged{known}{weak}")
             lines.append(f"run {run.run!r}: {run.judged_run.choice}")
         lines += scenario.left_out.values()
     except BadInput as e:

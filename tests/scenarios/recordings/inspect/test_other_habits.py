@@ -747,6 +747,13 @@ def test_files_of_one_name_in_folders_of_robots_are_no_copies_of_one_above(team,
     assert [series.source for series in log.truth] == [str(tmp_path / robot / "truth.csv") for robot in log.robots]
 
 
+def test_true_positions_that_come_once_in_two_seconds_are_judged_by(team):
+    seldom = team(lambda files: {name: t[:: 20 if "truth" in name else 1] for name, t in files.items()})
+    inspected = cl.inspect(seldom).inspected
+    assert np.median(np.diff(inspected.log.truth[0].time)) == pytest.approx(2.0)
+    assert "2 robots, 38" in inspected.trial.lines[0]
+
+
 def test_an_arena_is_drafted_where_robots_leave_that_of_the_anchors(team):
     places = pd.DataFrame({"name": ["A", "B"], "x": [1.0, 1.2], "y": [1.0, 1.2]})
     for x, drafted in ((0.0, True), (30.0, False)):
