@@ -187,6 +187,8 @@ def topics_by_robot(topics: Sequence[str]) -> dict[str, str]:
         return {parts[name][0] if len(parts[name]) > 1 else "robot": name for name in parts}
     found = {part: name for name, part, pattern in reversed(marked) if pattern == best}
     if all(ODOMETRY & {*words_of(robot)} for robot in found):  # /odom_1 is of 1
+        if alone := [name for robot, name in found.items() if {*words_of(robot)} <= ODOMETRY and robot.isalpha()]:
+            return {"robot": alone[-1]}  # /odom beside /raw_odom
         names = list(found.values())
         found = dict(zip(file_pattern([f"{name}." for name in names])[1], names, strict=False)) or found
     letters = {re.sub(r"\d", "", robot) for robot in found}

@@ -67,8 +67,10 @@ def read_csv(path: Path, name: str) -> CsvTable:
         raise BadInput(f"{path}: the file is empty; get it again")
     delimiter = infer_delimiter([line for line in text.split("\n") if line.strip()])
     head, line, rows = split_fields(text, delimiter)
-    if twice := next((name for name in head if head.count(name) > 1), None):
-        raise BadInput(f"{path}, line {line}: two columns are named {short_repr(twice)}; rename one")
+    twice = {name for name in head if head.count(name) > 1}  # not read, and missed where no other column is alike
+    once = {naming.name_meaning(name)[0] for name in head if name not in twice}
+    if missed := next((name for name in head if name in twice and naming.name_meaning(name)[0] not in {"", *once}), ""):
+        raise BadInput(f"{path}, line {line}: two columns are named {short_repr(missed)}; rename one")
     sizes: dict[str, list[int]] = {}
     for _, row in rows[:1000]:
         sizes.setdefault(row[0], []).append(len(row))
@@ -93,7 +95,8 @@ def read_csv(path: Path, name: str) -> CsvTable:
         numbers = parse_fields(words)
         good, filled = np.isfinite(numbers), (~np.isnan(numbers)).sum()
         is_number = filled and good.sum() >= 0.9 * filled
-        columns.setdefault(patterns.get(column, column), np.where(good, numbers, np.nan) if is_number else words)
+        if column not in twice:
+            columns.setdefault(patterns.get(column, column), np.where(good, numbers, np.nan) if is_number else words)
     found = CsvTable(name, delimiter, columns, (), robots, {patterns.get(c, c): unit for c, unit in units.items()})
     return found._replace(guesses=infer_columns(found))
 
@@ -145,7 +148,9 @@ def infer_columns(table: CsvTable) -> tuple[Guess, ...]:
             guess._replace(
                 column=columns[guess.column],
                 quaternion=tuple(columns[name] for name in guess.quaternion),
-                reason=f"{guess.column!r} by its place and its values{', perhaps' * (guess.quantity != 'time')}",
+                reason=f"{guess.column!r} by its place and its values{', perhaps' * (guess.quantity != 'time')}"
+                if guess.quantity
+                else guess.reason,
             )
             for guess in infer_columns(named)
         )

@@ -15,7 +15,7 @@ from cooploc.scenarios.recordings.inspect import naming
 TUM = ("timestamp", "x", "y", "z", "qx", "qy", "qz", "qw")
 MOST_NAMES = 100  # that a column of names has
 FOLLOWS = 0.7  # least mean cosine between the heading and the direction of travel, forwards or backwards
-PLACES = {3: ("x", "y", "yaw"), 6: ("x", "y", "z", "roll", "pitch", "yaw")}  # where the last of so many is a heading
+POSE = ("x", "y", "z", "roll", "pitch", "yaw")
 SPEEDS = 8.0  # [m/s] or [rad/s], which no speed and no turn rate exceeds
 
 
@@ -62,8 +62,10 @@ def _measured(values: list[Array], file: str) -> tuple[str, ...]:
         is_range = naming.name_meaning(path.stem)[0] == "range" and 1 <= n <= 2 and (values[0] >= 0).all()
         is_bearing = n == 2 and np.abs(values[1]).max() <= np.pi
         return ("range", "bearing")[:n] if is_range and n == 1 + is_bearing else ()
-    if n in PLACES and _follows(values[0], values[1], values[-1]):
-        return PLACES[n]
+    if n > 2 and _follows(*values[:3]):
+        return ("x", "y", "yaw", *(f"valid {k}" for k in range(3, n)))
+    if n == len(POSE) and _follows(values[0], values[1], values[-1]):
+        return POSE
     if n == 7 and _is_quaternion(np.array(values[3:]).T):
         return TUM[1:]
     if n == 2 and side == "odometry" and np.max(np.abs(values)) < SPEEDS:
@@ -90,7 +92,7 @@ def _follows(x: Array, y: Array, heading: Array) -> bool:
     """Whether a heading, in radians or degrees, is that of travel along x and y."""
     driven = np.append(0.0, np.cumsum(np.hypot(np.diff(x), np.diff(y))))
     at = np.unique(np.searchsorted(driven, np.linspace(0, driven[-1], 200)[:-1]))
-    if len(at) < 3:
+    if len(at) < 3 or np.ptp(heading) == 0:
         return False
     angle = np.deg2rad(heading) if np.abs(heading).max() > 4 * np.pi else heading
     travel = np.arctan2(np.diff(y[at]), np.diff(x[at]))

@@ -49,7 +49,11 @@ def name_meaning(column: str) -> tuple[str, str, str]:
     names = [QUANTITY.get(word) for word in words_of(column.rpartition(".")[2])] if "." in column else []
     known = [quantity for quantity in names if quantity in ("robot", "other")] or known  # ranges.id names something
     unknown = "range" if "{other}" in column and words in (["r"], ["rho"]) else ""
-    quantity = QUANTITY_OF_PAIR[pair] if pair else min(known, key=list(_WORDS["quantities"]).index, default=unknown)
+    quantity = (
+        QUANTITY_OF_PAIR[pair]
+        if pair and "nothing" not in known
+        else min(known, key=list(_WORDS["quantities"]).index, default=unknown)
+    )
     if quantity == "nothing" or words[-1:] in AXES.get(quantity, ()):
         quantity = ""
     unit = next((UNIT[word] for word in (words_of(inside[1]) if inside else words[1:]) if word in UNIT), "")

@@ -35,6 +35,11 @@ class TablePart(NamedTuple):
         return tuple(dict.fromkeys(n for file in self.files for n in file.names(self.columns[quantity].column)))
 
     @property
+    def is_named(self) -> bool:
+        """Whether a name of a file or column says that this is the table: ground_truth.csv, odom_x."""
+        return self.table in {guess.side for guess in self.columns.values()}
+
+    @property
     def file_names(self) -> list[str]:
         """The names of the files, as in log.toml."""
         return [file.name for file in self.files]
@@ -125,7 +130,7 @@ def first_columns(
 
 
 def merge_parts(parts: Sequence[TablePart], unused: list[str]) -> list[TablePart]:
-    """Merge parts of the same table and columns; of all but readings keep the one with the most files."""
+    """Merge parts of the same table and columns; of all but readings keep what its name says, or has the most files."""
     merged: dict[Any, TablePart] = {}
     for part in parts:
         key = part.table, part.kind, frozenset((q, g.column) for q, g in part.columns.items())
@@ -139,13 +144,15 @@ def merge_parts(parts: Sequence[TablePart], unused: list[str]) -> list[TablePart
             part = before._replace(columns=columns, files=(*before.files, *part.files))
         merged[key] = part
     kept: list[TablePart] = []
-    for part in sorted(merged.values(), key=lambda part: (-len(part.files), len(part.columns))):
+    for part in sorted(merged.values(), key=lambda part: (not part.is_named, -len(part.files), len(part.columns))):
         k = next((k for k, other in enumerate(kept) if other.table == part.table), -1)
         if part.table in READINGS or k < 0:
             kept.append(part)
         elif all(q in part.columns and part.columns[q].column == g.column for q, g in kept[k].columns.items()):
             kept[k] = kept[k]._replace(files=(*kept[k].files, *part.files))  # such as one that has headings too
         else:
-            names = ", ".join(part.file_names)
-            unused.append(f"{names}: looks like {part.table} too, but has other columns than the rest; make them alike")
+            why = "but has other columns than the rest; make them alike"
+            if kept[k].is_named and not part.is_named:
+                why = f"and of {kept[k].file_names[0]} the name says it"
+            unused.append(f"{', '.join(part.file_names)}: looks like {part.table} too, {why}")
     return kept

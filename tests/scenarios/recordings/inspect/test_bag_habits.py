@@ -220,7 +220,8 @@ def test_a_description_of_a_bag_may_name_text_files_for_a_table(tmp_path):
 
 
 def test_a_single_robot_needs_no_name(tmp_path):
-    made_bag(tmp_path, "ros1", SECONDS, names={"/red/odom": "/odom", "/mocap/red": "/vicon/pose", "/amcl/red": "/amcl"})
+    topics = {"/red/odom": "/odom", "/blue/odom": "/raw_odom", "/mocap/red": "/vicon/pose", "/amcl/red": "/amcl"}
+    made_bag(tmp_path, "ros1", SECONDS, names=topics)
     log = inspect_recording(tmp_path).log
     assert log.robots == ("robot",)
     assert (log.odometry[0].source, log.truth[0].source) == ("/odom", "/vicon/pose")

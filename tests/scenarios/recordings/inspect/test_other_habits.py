@@ -202,6 +202,16 @@ def numbers_alone(files):
     return files
 
 
+def spreadsheet(files):
+    """Two columns of one name and two without one, and a receiver of satellites beside the true positions."""
+    for robot in ROBOTS:
+        far = files[f"truth_{robot}.csv"][["time", "x", "y"]] + [0.0, 1.0, -1.0]
+        files[f"gnss_{robot}.csv"] = far
+    for name, table in files.items():
+        files[name] = table.assign(n1=1, e1="", n2=2, e2="").rename(columns={"n1": "n", "n2": "n", "e1": "", "e2": ""})
+    return files
+
+
 def compass(files):
     """Headings clockwise from north, which is along y."""
     turned = changed(theta=lambda heading: np.degrees(np.pi / 2 - heading) % 360)(files)
@@ -251,6 +261,7 @@ HABITS = {
     "a write that was interrupted": (SAME, {}, lambda text: text + 4096 * "\0"),
     "a matrix of ranges": (matrix, {}, None),
     "no names": (SAME, {"header": False, "index": True}, None),
+    "a spreadsheet": (spreadsheet, {}, None),
     "numbers alone": (numbers_alone, {"header": False, "sep": " "}, None),
     "names again": (SAME, {}, lambda text: text.replace("\n", "\n" + text.split("\n")[0] + "\n", 2)),
 }
