@@ -23,6 +23,7 @@ from cooploc.scenarios.recordings.inspect.columns import CsvTable, Guess, infer_
 from cooploc.scenarios.recordings.inspect.csv_draft import column_entry, frame_entries, tables_beside_bag
 from cooploc.scenarios.recordings.inspect.draft_toml import Draft, DraftTable, Entry
 from cooploc.scenarios.recordings.inspect.naming import (
+    CERTAIN,
     ODOMETRY,
     OTHERS,
     TRUTH,
@@ -44,7 +45,7 @@ RANGE, IMU = "sensor_msgs/msg/Range", "sensor_msgs/msg/Imu"
 OF_FIELDS = ("tf2_msgs/msg/TFMessage", "geometry_msgs/msg/Vector3Stamped", "sensor_msgs/msg/NavSatFix", IMU)
 SPEED = {"Odometry": "twist.twist.linear.x", "TwistWithCovarianceStamped": "twist.twist.linear.x"}
 SPEED |= {"TwistStamped": "twist.linear.x", "Twist": "linear.x"}  # type -> field
-STATES = TRUTH - {"ground", "pos", "cap"}  # words by which a topic of Odometry is the truth, as of a simulator
+STATES = TRUTH & CERTAIN  # words by which a topic of Odometry is the truth, as of a simulator
 NO_MEASUREMENTS = ("std_msgs", "rcl_interfaces", "rosgraph_msgs", "diagnostic_msgs", "tf2_msgs", "visualization_msgs")
 ESTIMATES = {word for word, kind in OTHERS.items() if kind == "estimates"}  # in names of topics that a filter writes
 VISUAL = ODOMETRY | {"slam", "orb", "vio", "vins", "vo"}  # in names of topics with poses that drift as odometry does

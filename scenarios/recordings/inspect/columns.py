@@ -213,6 +213,10 @@ def _guess(table: CsvTable, column: str, file_side: str) -> Guess:
     below = f" [{table.units[column]}]" if column in table.units else ""
     quantity, named_unit, side = naming.name_meaning(column + below)
     reason, values = f"its name {column!r}", table.numbers(column)
+    side = file_side if file_side and not {*naming.words_of(column)} & naming.CERTAIN else side
+    about = naming.name_meaning(Path(table.name).stem)[0]
+    if quantity == "other" and about in ("range", "rssi") and len({*values.tolist()}) > FLAGS:
+        quantity, reason = about, f"{reason}, in a file of that name"
     change = np.diff(values)
     beside = {naming.name_meaning(name)[::2] for name in table.columns}
     places = [name for name in (column[:-1] + q for q in "xy") if name in table.columns]

@@ -18,6 +18,7 @@ QUANTITY_OF_PAIR = {pair: quantity for quantity, of in _WORDS["pairs"].items() f
 # Last words of what is not of a robot on a floor, or of a quaternion.
 AXES = {"turn_rate": (["x"], ["y"]), "speed": (["y"], ["z"]), "heading": (["x"], ["y"], ["w"])}
 ODOMETRY, TRUTH = ({word for word, of in SIDE.items() if of == side} for side in ("odometry", "truth"))
+CERTAIN = {*SIDE} - {"ground", "pos", "cap"}  # of these words that say it also in a file of the other side
 # The units of quantities in log.toml; all others are lengths in m.
 SI = {
     "time": "s",

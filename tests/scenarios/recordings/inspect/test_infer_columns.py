@@ -32,6 +32,14 @@ def test_the_folder_of_a_file_may_say_what_it_is_about(tmp_path):
     assert sides == ["", "truth", ""]
 
 
+def test_the_name_of_a_file_says_what_columns_of_anchors_hold_and_that_positions_are_odometry(tmp_path):
+    columns = {"time": range(LINES), "beacon_1": np.linspace(1, 9, LINES), "landmark_id": [1, 2] * (LINES // 2)}
+    found = guessed(tmp_path, columns, "ranges.csv")
+    assert (found["beacon_1"].quantity, found["landmark_id"].quantity) == ("range", "other")
+    columns = {"time": range(LINES), "pos_x": range(LINES), "gt_x": range(LINES)}
+    assert [guess.side for guess in guessed(tmp_path, columns, "odometry.csv").values()] == ["odometry"] * 2 + ["truth"]
+
+
 @pytest.mark.parametrize(
     ("column", "quantity", "unit"),
     [
@@ -85,6 +93,7 @@ def test_the_folder_of_a_file_may_say_what_it_is_about(tmp_path):
         ("motor_angular_position", "", ""),
         ("linear_acceleration.x", "", ""),
         ("pos_x_std", "", ""),
+        ("cov_linear_x", "", ""),
     ],
 )
 def test_a_name_says_quantity_and_unit(column, quantity, unit):
