@@ -331,7 +331,9 @@ def read_lines(path: Path, numbers: Sequence[str], names: Sequence[str], delimit
             many = "it counts as empty" if len(same) == 1 else f"{len(same)} such fields count as empty"
             notes += (f"{where}; {many}",)
     rows[np.isinf(rows)] = np.nan
-    texts = [tuple(fields[i] for i in of_names) for _, fields in content] if of_names else [()] * len(content)
+    texts = (
+        [tuple(parse_name(fields[i]) for i in of_names) for _, fields in content] if of_names else [()] * len(content)
+    )
     return TextTable(path, rows, np.array([line for line, _ in content], np.int64), texts, notes)
 
 
@@ -372,6 +374,12 @@ def parse_fields(fields: Sequence[str]) -> Array:
         return np.array([parse_field(field) for field in fields], float)
     numbers[np.abs(numbers) > LARGEST] = np.inf
     return numbers
+
+
+def parse_name(field: str) -> str:
+    """Return the name in a field; of a whole number without decimals: 2.0 and 2.000e+00 are 2."""
+    number = parse_number(field) if "." in field else 0.5
+    return f"{number:.0f}" if number == np.rint(number) and abs(number) < LARGEST else field
 
 
 MISSING = {"", "-", "--", "na", "n/a", "none", "null"}  # what fields without a number hold

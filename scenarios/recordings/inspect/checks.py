@@ -90,6 +90,7 @@ def check_gaps(c: CheckedLog) -> None:
 # --- Units
 
 FASTEST = 15.0  # [m/s] of ground robots; faster is a unit or a fault
+SLOWEST = 0.005  # [m/s] of a robot that drives for a quarter of the time
 SCALE = 1.5  # times as fast as the truth: no calibration is so far off
 DEGREE = np.pi / 180
 ANGLE_UNITS = (("degrees", "deg", 1 / DEGREE), ("radians", "rad", DEGREE))
@@ -130,10 +131,19 @@ def check_lengths(c: CheckedLog, i: int) -> None:
             c.add("unit", i, series.source, fact, sure, f'unit = "{unit[1]}"', table, names)
             c.correct(table, i, divide_columns(series, unit[2], columns))
             return
-    if motion.moves(c.log, i) and driven > 0 and not 1 / SCALE < driven / moved < SCALE:
+    if (
+        motion.moves(c.log, i)
+        and driven > 0
+        and max(driven, moved) > SLOWEST
+        and not 1 / SCALE < driven / moved < SCALE
+    ):
         fact = f"odometry is {driven / moved:.3g} times as fast as the truth ({driven:.3g} against {moved:.3g} m/s)"
         setting = "the unit of speed or of stamps; length_scale is fitted in any case"
-        c.add("scale", i, odometry.source, fact, "likely", setting, "model")
+        interval = float(np.median(np.diff(odometry.time)))
+        if c.log.odometry_kind == "velocity" and abs(driven / moved / interval - 1) < 0.1:
+            fact += f", as its lines are {interval:.3g} s apart: each is a step since the one before"
+            setting = 'kind = "increment", with dx and turn in place of speed and turn_rate'
+        c.add("scale", i, odometry.source, fact, "likely", setting, "model" if "unit" in setting else "odometry")
 
 
 def check_heading_unit(c: CheckedLog, i: int) -> None:

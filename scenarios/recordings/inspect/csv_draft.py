@@ -116,7 +116,8 @@ def _name_readings(file: CsvTable, robots: Sequence[str], fixed: Sequence[str]) 
             guess = file.guesses[k]._replace(quantity="other", reason=f"its names are not {own[0]}, whose file it is")
             file = file._replace(guesses=(*file.guesses[:k], guess, *file.guesses[k + 1 :]))
     unknown = {*pairs.values()} - {g.column for g in file.guesses if g.quantity}
-    of = [column for column in file.columns if column in {*fixed, *unknown} and len(file.numbers(column))]
+    places = set() if [*file.columns][:2] == ["1", "2"] else {*fixed}  # of columns without names 1 is no place
+    of = [column for column in file.columns if column in places | unknown and len(file.numbers(column))]
     kind = "rssi" if any((file.numbers(column) < 0).all() for column in of) else "range"
     found = {}
     for c in of:
@@ -327,6 +328,8 @@ def _draft_table(
     nodes, why_nodes = dict[str, str](), "these words and the names of robots or places are alike"
     for words in (named, (*part.names("robot"), *part.names("other"))):
         nodes |= naming.match_names([word for word in words if naming.clean_name(word) not in fixed], robots)
+    if len(robots) == len(part.names("robot")) == 1 and not {*part.names("robot")} & {*nodes, *robots, *fixed}:
+        nodes, why_nodes = {part.names("robot")[0]: robots[0]}, "the one that measured is the one robot"
     pairs = naming.pairs_of_robots(files, robots) if table in READINGS else {}
     if runs:
         file = Entry("file", f"{{run}}{Path(files[0]).suffix}", "a file for each run")

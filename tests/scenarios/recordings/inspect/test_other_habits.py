@@ -198,7 +198,7 @@ def numbers_alone(files):
         truth.insert(3, "z", 0.0)
         files[f"gt_{number}.txt"] = truth
         own = ranges[ranges["from"] == robot]
-        files[f"uwb_{number}.txt"] = own[["time"]].assign(to=3 - number, range=own["range"])
+        files[f"uwb_{number}.txt"] = own[["time"]].assign(to=3.0 - number, range=own["range"])
     return files
 
 
@@ -313,6 +313,25 @@ def test_columns_for_each_robot_and_anchor_stand_beside_those_of_pairs(tmp_path)
         "range": len(table),
         "anchor_range": 4 * len(table),
     }
+
+
+def test_a_lone_robot_that_measured_beacons_needs_no_names_and_steps_are_no_speeds(tmp_path):
+    tables = {name: pd.DataFrame(columns) for name, columns in two_robots(seconds=60).items()}
+    odometry, truth = tables["odom_red.csv"], tables["truth_red.csv"]
+    odometry[["v", "omega"]] *= np.median(np.diff(odometry["time"]))
+    beacons = pd.DataFrame({"id": [1, 6], "x": [0.0, 8.0], "y": [0.0, 8.0]})
+    ranges = pd.concat(
+        [
+            truth[["time"]].assign(tag=7.0, to=b.id, r=np.hypot(truth.x - b.x, truth.y - b.y))
+            for b in beacons.itertuples()
+        ]
+    )
+    for name, table in {"odom.txt": odometry, "gt.txt": truth, "ranges.txt": ranges.sort_values("time")}.items():
+        table.to_csv(tmp_path / name, sep=" ", index=False, header=False)
+    beacons.to_csv(tmp_path / "beacons.csv", index=False)
+    inspected = cl.inspect(tmp_path).inspected
+    assert [(f.kind, f.setting.split(",")[0]) for f in inspected.findings] == [("scale", 'kind = "increment"')]
+    assert len(inspected.log.readings["anchor_range"].time) == 2 * len(truth)
 
 
 def numbered(files):
