@@ -5,6 +5,7 @@ of robots and anchors are few and whole, a heading follows the direction of trav
 """
 
 from collections.abc import Mapping
+from itertools import takewhile
 from pathlib import Path
 
 import numpy as np
@@ -38,9 +39,10 @@ def names_by_values(columns: Mapping[str, Array | tuple[str, ...]], file: str) -
     counters = [column for column in clocks if (np.diff(of[column]) == 1).all()][: len(clocks) - 1]
     if not (time := next((column for column in clocks if column not in counters), "")):
         return {}
-    names = [column for column in columns if column not in numbers]
-    names += [column for column, values in of.items() if column != time and _are_numbers_of_things(values)]
-    rest = [column for column in of if column not in (time, *counters, *names)]
+    rest = [column for column in of if column not in (time, *counters)]
+    leading = takewhile(lambda column: _are_numbers_of_things(of[column]), rest)
+    names = [*(column for column in columns if column not in numbers), *leading]
+    rest = [column for column in rest if column not in names]
     measured = _measured([of[column] for column in rest], file)
     things = ("robot", "other")[:: 1 if len(names) > 1 else -1] if "range" in measured else ("robot",)
     if not measured or len(names) > len(things):
@@ -66,8 +68,8 @@ def _measured(values: list[Array], file: str) -> tuple[str, ...]:
         return ("x", "y", "yaw", *(f"valid {k}" for k in range(3, n)))
     if n == len(POSE) and _follows(values[0], values[1], values[-1]):
         return POSE
-    if n == 7 and _is_quaternion(np.array(values[3:]).T):
-        return TUM[1:]
+    if n > 6 and _is_quaternion(np.array(values[3:7]).T):
+        return (*TUM[1:], *(f"valid {k}" for k in range(7, n)))
     if n == 2 and side == "odometry" and np.max(np.abs(values)) < SPEEDS:
         return ("v", "w")
     return ("x", "y", "z")[:n] if side == "truth" and n in (2, 3) else ()
