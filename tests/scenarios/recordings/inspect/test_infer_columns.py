@@ -29,7 +29,7 @@ def test_the_folder_of_a_file_may_say_what_it_is_about(tmp_path):
     sides = [
         read_csv(tmp_path / "red.csv", f"{folder}red.csv").guesses[1].side for folder in ("", "groundtruth/", "vio/")
     ]
-    assert sides == ["", "truth", ""]
+    assert sides == ["", "truth", "odometry"]
 
 
 def test_the_name_of_a_file_says_what_columns_of_anchors_hold_and_that_positions_are_odometry(tmp_path):
