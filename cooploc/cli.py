@@ -191,6 +191,7 @@ def judge(
     align: Annotated[str, typer.Option(help="with --truth: none, or origin, se2 (each robot), team (all)")] = "none",
     axes: Annotated[str, typer.Option(help="with --truth: covariances are in axes of the world or the body")] = "world",
     pieces: Annotated[int, typer.Option(help="with --truth: of the recording, for intervals over them")] = 10,
+    within: Annotated[float, typer.Option(help="with --truth: seconds between stamps that belong together")] = 0.01,
     out: Annotated[Path | None, typer.Option(help="folder of a page, tables and a figure")] = None,
     estimators: Annotated[str | None, typer.Option(help="comma-separated estimators to run on the same stream")] = None,
     trials: Annotated[int | None, typer.Option(help="of a scenario [default: 1]")] = None,
@@ -209,8 +210,8 @@ def judge(
     named = {name or Path(path).name: path for name, _, path in parted}  # a folder's own name may hold "="
     if bool(stream) == bool(truth):
         raise cl.BadInput("name a stream or scenario, or --truth DIR: one of them")
-    if stream and (align, axes, pieces) != ("none", "world", 10):
-        raise cl.BadInput("--align, --axes and --pieces go with --truth: leave them out")
+    if stream and (align, axes, pieces, within) != ("none", "world", 10, 0.01):
+        raise cl.BadInput("--align, --axes, --pieces and --within go with --truth: leave them out")
     if truth and (estimators, trials, seed, data, offline) != (None, None, None, None, False):
         raise cl.BadInput("--estimators, --trials, --seed, --data and --offline go with a stream: leave them out")
     if len(named) < len(tum):
@@ -219,7 +220,7 @@ def judge(
 
     shown = {"as_json": as_json, "every_column": wide, "legend": legend}
     if truth:
-        show_trajectories(truth, named, align, axes, pieces, out, **shown)
+        show_trajectories(truth, named, align, axes, pieces, within, out, **shown)
     else:
         given = named if parted[0][0] or len(tum) > 1 else tum[0]
         show_external(stream, given, estimators, offline, out, {"trials": trials, "seed": seed, "data": data}, **shown)

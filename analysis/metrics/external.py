@@ -297,10 +297,15 @@ def _common(
     pairs = {name: match_stamps(true.stamp, team[robot].stamp, largest) for name, team in teams.items()}
     for name, (index, _) in pairs.items():
         if not len(index):
-            own = teams[name][robot].stamp
+            own, t = teams[name][robot].stamp, true.stamp
+            nearest_true, rows = match_stamps(t, own, np.inf)
+            away = np.abs(own[rows] - t[nearest_true]).max()
+            remedy = "write both by one clock"
+            if away < GAP * np.median(np.diff(t)):  # one clock, and stamps between those of the truth
+                remedy = f"interpolate the true poses at its stamps, or allow more by --within {away:.2g}"
             raise BadInput(
                 f"{name}: no stamp of robot {robot!r} ({own[0]:.10g} to {own[-1]:.10g} s) is within {largest:g} s of "
-                f"one of the truth ({true.stamp[0]:.10g} to {true.stamp[-1]:.10g} s): write both by one clock"
+                f"one of the truth ({t[0]:.10g} to {t[-1]:.10g} s): {remedy}"
             )
     if len(pairs) == 1:
         (name, (index, rows)), *_ = pairs.items()

@@ -27,10 +27,11 @@ EACH = "each robot, over its whole path; RMSE and RPE as evo has them"
 
 
 def show_trajectories(
-    truth: Path, named: Mapping[str, str], align: str, axes: str, pieces: int, out: Path | None, **shown: bool
-) -> None:
+    truth: Path, named: Mapping[str, str], align: str, axes: str, pieces: int, within: float, out: Path | None,
+    **shown: bool,
+) -> None:  # fmt: skip
     """Judge trajectories in files by true ones, and print who errs least, each robot's errors, and remarks."""
-    found = match_trajectories(truth, named, align, axes)
+    found = match_trajectories(truth, named, align, axes, within)
     names, whole = list(found.paths), in_pieces(found, 1)
     robots, rows = judge_pieces(*whole, names), judge_pieces(*in_pieces(found, pieces), names)
     squares = robots["mse"] * robots["ticks"]  # of as many poses for each method

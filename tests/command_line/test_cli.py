@@ -75,7 +75,7 @@ def test_json_is_the_only_thing_on_stdout_and_has_the_fields_of_the_csv_file(ran
         (["report", "run", "--ledger", "small.toml"], "small.toml: there is no key 'trials'"),
         (["compare", "run", "nowhere"], "nowhere holds no run"),
         (["reproduce", "nowhere"], "cannot be read"),
-        (["judge", "trajectory", "--tum", "a", "--align", "se2"], "--pieces go with --truth"),
+        (["judge", "trajectory", "--tum", "a", "--align", "se2"], "--within go with --truth"),
         (["judge", "--truth", "a", "--tum", "a", "--trials", "2"], "--offline go with a stream"),
         (["reproduce", "run", "--trials", "0"], "--trials"),
     ],

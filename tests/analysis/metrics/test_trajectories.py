@@ -237,6 +237,7 @@ def broken(honest, folder, **change):
             {"t": "late"},
             r"no stamp of robot 'red' \(1000 to 1059.9 s\) is within 0.01 s of one of the truth",
         ),
+        ({"t": "between"}, r"to 59.9 s\): interpolate the true poses at its stamps, or allow more by --within 0.05"),
         ({"P": "negative"}, r"covariances.npz, index 7: the covariance is not positive, its least eigenvalue is -"),
         ({"P": "negative", "how": "csv"}, r"red.csv, line 9: the covariance is not positive"),
         ({"P": "negative", "how": "beside"}, r"red.cov.txt, line 8: the covariance is not positive"),
@@ -253,7 +254,8 @@ def test_what_cannot_be_judged_is_one_line(honest, tmp_path, change, said):
     negative[7, 0, 0], crooked[7, 0, 1], absent[7] = -1.0, 9.0, np.nan
     wrong = {
         "mirrored": x * [1, -1, -1], "millimetres": x * [1e3, 1e3, 1], "degrees": x * [1, 1, np.degrees(1)],
-        "late": t + 1000, "negative": negative, "crooked": crooked, "short": P[:5], "absent": absent,
+        "late": t + 1000, "between": t + 0.05, "negative": negative, "crooked": crooked,
+        "short": P[:5], "absent": absent,
     }  # fmt: skip
     folder = broken(honest, tmp_path / "mine", **{key: wrong.get(word, word) for key, word in change.items()})
     with pytest.raises(cl.BadInput, match=said) as caught:
