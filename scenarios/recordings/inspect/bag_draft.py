@@ -184,8 +184,8 @@ def topics_by_robot(topics: Sequence[str]) -> dict[str, str]:
         return {}
     best, most = Counter(pattern for _, _, pattern in marked).most_common(1)[0]
     if most < 2:
-        parts = {name: name.strip("/").split("/") for name in reversed(topics)}
-        return {parts[name][0] if len(parts[name]) > 1 else "robot": name for name in parts}
+        words = {name: name.strip("/").split("/")[:-1] for name in reversed(topics)}
+        return {next((w for w in words[name] if not {*words_of(w)} <= ODOMETRY), "robot"): name for name in words}
     found = {part: name for name, part, pattern in reversed(marked) if pattern == best}
     if all(ODOMETRY & {*words_of(robot)} for robot in found):  # /odom_1 is of 1
         if alone := [name for robot, name in found.items() if {*words_of(robot)} <= ODOMETRY and robot.isalpha()]:

@@ -163,10 +163,15 @@ def infer_columns(table: CsvTable) -> tuple[Guess, ...]:
         for column in table.columns
     ]
     both = [g for g in guesses if g.quantity in NAMES or g.column.lower() in ENDS]  # robot1 and robot2, or i and j
-    if len(both) == 2 and {*table.names(both[0].column)} & {*table.names(both[1].column)}:
-        for one, quantity in zip(both, NAMES, strict=True):
-            if both[0].quantity == both[1].quantity or not {one.quantity for one in both} & {*NAMES}:
-                guesses[guesses.index(one)] = one._replace(quantity=quantity, reason="two columns with the same names")
+    both.sort(key=lambda guess: naming.is_anchor(guess.column))  # a tag measures anchors
+    if len(both) == 2:
+        same = {*table.names(both[0].column)} & {*table.names(both[1].column)}
+        of_anchors = [naming.is_anchor(guess.column) for guess in both] == [False, True]
+        alike = both[0].quantity == both[1].quantity
+        for one, quantity in zip(both, NAMES, strict=True) if same or (alike and of_anchors) else ():
+            if alike or not {one.quantity for one in both} & {*NAMES}:
+                why = "what measured, and an anchor" if of_anchors else "two columns with the same names"
+                guesses[guesses.index(one)] = one._replace(quantity=quantity, reason=why)
     there = {guess.quantity for guess in guesses}
     return tuple(_seen_of_another(table, guesses, there) if {"time", "other"} <= there else guesses)
 

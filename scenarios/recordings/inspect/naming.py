@@ -70,6 +70,11 @@ def is_plain(column: str) -> bool:
     return len(words_of(re.sub(r"[\[(].*", "", column))) == 1 and not re.search(r"\d", column)
 
 
+def is_anchor(column: str) -> bool:
+    """Return whether a column is about anchors."""
+    return "anchors" in map(OTHERS.get, words_of(column))
+
+
 def is_on_globe(column: str) -> bool:
     """Return whether a column holds degrees on the globe."""
     return bool({*words_of(column)} & {*_WORDS["others"]["globe"].split()})
