@@ -56,6 +56,24 @@ def read_json(path: Path) -> pd.DataFrame:
     raise ValueError
 
 
+def table_of_echo(text: str) -> pd.DataFrame:
+    """Return what `ros2 topic echo` or `rostopic echo` printed, a line for each whole message; lists are left out."""
+    messages, fields, above = list[dict[str, str]](), dict[str, str](), list[tuple[int, str]]()
+    for line in text.split("\n"):
+        if line.startswith("---"):
+            messages.append(fields)
+            fields, above = {}, []
+            continue
+        key, _, value = line.strip().partition(":")
+        depth = len(line) - len(line.lstrip())
+        while above and above[-1][0] >= depth:
+            above.pop()
+        above.append((depth, key))
+        if value.strip() and not any(name.startswith("-") for _, name in above):
+            fields[".".join(name for _, name in above)] = value.strip(" '\"")
+    return pd.DataFrame(messages)
+
+
 # Other files, which are read as the CSV files that they could be.
 OTHER_TABLES: Mapping[str, Callable[[Path], pd.DataFrame]] = {
     ".parquet": pd.read_parquet,
@@ -116,6 +134,8 @@ def read_text(path: Path) -> str:
     except UnicodeDecodeError:
         text = raw.decode("cp1252", "ignore")
     text = text.replace("\r\n", "\n").replace("\r", "\n")
+    if "\n---\n" in text and re.match(r"\w+:", text):
+        return table_of_echo(text).to_csv(index=False)
     poses = motion_capture.table_of(text)
     return text if poses is None else poses.to_csv(index=False)
 

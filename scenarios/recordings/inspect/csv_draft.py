@@ -279,7 +279,8 @@ def _lack_of(needed: str, folder: Path, files: Sequence[CsvTable], lacking: Mapp
         if of_wheels and needed == "odometry":
             return f"{folder / file.name}: {of_wheels.column!r} is {of_wheels.reason}"
         if known & {"speed", "turn_rate", "dx"} and not known & {"time", "sec"}:
-            return f"{folder / file.name}: no column of it holds stamps; add one, such as `time` [s]"
+            stamps = [f" ({g.reason})" for g in file.guesses if naming.name_meaning(g.column)[0] in ("time", "sec")]
+            return f"{folder / file.name}: no column of it holds stamps{''.join(stamps)}; add one, such as `time` [s]"
     return ""
 
 

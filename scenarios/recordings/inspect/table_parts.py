@@ -108,8 +108,8 @@ def why_no_table(file: CsvTable, halves: bool = False) -> str:
     if not any(g.quantity for g in file.guesses) and [*file.columns][:2] == ["1", "2"]:
         return NAMELESS
     if parts_of(file, halves) or not {g.quantity for g in file.guesses} & {"time", "sec"}:
-        why = next((g.reason for g in file.guesses if naming.name_meaning(g.column)[0] in ("time", "sec")), "time")
-        return "" if parts_of(file, halves) else f"no column of it holds stamps ({why})"
+        why = next((g.reason for g in file.guesses if naming.name_meaning(g.column)[0] in ("time", "sec")), "")
+        return "" if parts_of(file, halves) else f"no column of it holds stamps{f' ({why})' * bool(why)}"
     reasons: dict[str, list[str]] = {}
     if alone := [g.column for g in file.guesses if g.quantity == "bearing"]:
         reasons["bearings are read beside ranges alone"] = alone

@@ -155,6 +155,16 @@ def with_units(text):
     return "\n".join(["// Monday", head, ",".join("s" for _ in head.split(",")), lines])
 
 
+def as_echo(table, path):
+    """As `ros2 topic echo` prints messages."""
+    messages = []
+    for row in table.itertuples():
+        stamp = f"header:\n  stamp:\n    sec: {int(row.time)}\n    nanosec: {round(row.time % 1 * 1e9)}\ndata:\n"
+        fields = "".join(f"  {name}: {value!r}\n" for name, value in zip(table.columns[1:], row[2:], strict=True))
+        messages.append(f"{stamp}{fields}  covariance:\n  - 0.0\n  - x: 1.0\n---\n")
+    path.with_suffix(".txt").write_text("".join(messages) + "header:\n  stamp:\n    sec: 1")
+
+
 def with_degrees(text):
     """The text with the units of columns below their names."""
     head, lines = text.split("\n", 1)
@@ -222,6 +232,7 @@ def compass(files):
 HABITS = {
     "Parquet": (SAME, lambda table, path: table.set_index("time").to_parquet(path.with_suffix(".parquet")), None),
     "JSON lines": (SAME, as_json_lines, None),
+    "an echo": (SAME, as_echo, None),
     "JSON columns": (SAME, as_json({}), None),
     "JSON objects": (SAME, as_json({"orient": "records"}), None),
     "a compass": (compass, {}, None),
