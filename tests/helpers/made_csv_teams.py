@@ -1,6 +1,7 @@
 """Two robots, red and blue, in CSV files as a lab would write them, whose truth is known."""
 
 import numpy as np
+import pandas as pd
 from made_team import EPOCH, ROBOTS, drive
 
 
@@ -28,6 +29,41 @@ def two_robots(seed=1, seconds=120):
         "range": distance + rng.normal(0, 0.05, len(t)),
     }
     return files
+
+
+def changed(**columns):
+    """The files with functions applied to columns."""
+    return lambda files: {
+        name: table.assign(**{c: change(table[c]) for c, change in columns.items() if c in table})
+        for name, table in files.items()
+    }
+
+
+def on_globe(files):
+    """The truth in degrees on the globe."""
+    for robot in ROBOTS:
+        x, y = (files[f"truth_{robot}.csv"].pop(q) for q in "xy")
+        files[f"truth_{robot}.csv"] = files[f"truth_{robot}.csv"].assign(lat=48 + y / 111_201, lon=11 + x / 74_628)
+    return files
+
+
+def other_names(files):
+    for new, old in (("truth_tb-01.csv", "truth_red.csv"), ("truth_tb-02.csv", "truth_blue.csv")):
+        files[new] = files.pop(old)
+    files["uwb.csv"] = files["uwb.csv"].replace({"red": "Robot 1", "blue": "Robot 2"})
+    return {name.replace("odom_red", "odom_robot1").replace("odom_blue", "odom_robot2"): t for name, t in files.items()}
+
+
+def wide(files):
+    """All in one file, with columns for each robot; headings go on beyond pi."""
+    table = pd.DataFrame({"time": files["odom_red.csv"]["time"]})
+    for i, robot in enumerate(ROBOTS, 1):
+        odometry, truth = files[f"odom_{robot}.csv"], files[f"truth_{robot}.csv"]
+        table[f"v{i}"], table[f"w{i}"] = odometry["v"], odometry["omega"]
+        table[[f"x{i}", f"y{i}"]], table[f"theta{i}"] = truth[["x", "y"]], np.unwrap(truth["theta"])
+    ranges = files["uwb.csv"]
+    table["d12"] = np.interp(table["time"], ranges["time"], ranges["range"])
+    return {"all.csv": table}
 
 
 def write(folder, files):

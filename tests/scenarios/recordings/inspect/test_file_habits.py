@@ -1,0 +1,266 @@
+"""One team in the files that others would write: each is read as the same recording, without a log.toml by hand."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from made_csv_teams import ROBOTS, changed, other_names, two_robots, wide
+
+import cooploc as cl
+
+pytestmark = pytest.mark.slow  # a second each; test_checks and test_infer_columns are quick
+KINDS = "odom", "truth"
+
+
+def renamed(words):
+    return lambda files: {name: table.rename(columns=words) for name, table in files.items()}
+
+
+def dates(form):
+    return changed(time=lambda t: pd.to_datetime(t, unit="s").dt.round("us").dt.strftime(form))
+
+
+def quaternion(names):
+    def change(files):
+        for robot in ROBOTS:
+            half = files[f"truth_{robot}.csv"].pop("theta") / 2
+            columns = (0 * half, 0 * half, np.sin(half), np.cos(half))
+            files[f"truth_{robot}.csv"][list(names)] = np.stack(columns[-len(names) :], -1)
+        return files
+
+    return change
+
+
+def one_table(files):
+    """Lines of all robots in one file of odometry and one of the truth, by rising stamps."""
+    for kind in ("odom", "truth"):
+        both = pd.concat([files.pop(f"{kind}_{robot}.csv").assign(robot=robot) for robot in ROBOTS])
+        files[f"{kind}.csv"] = both.sort_values("time", kind="stable")
+    return files
+
+
+def ranges_each(files):
+    ranges = files.pop("uwb.csv")
+    for a, b in (ROBOTS, ROBOTS[::-1]):
+        files[f"uwb_{a}.csv"] = ranges[ranges["from"] == a][["time", "range"]].rename(columns={"range": f"range_{b}"})
+    return files
+
+
+def pair_alone(files):
+    """Ranges in a column that is named after two robots, in a file that says what it is about."""
+    return files | {"uwb.csv": files["uwb.csv"][["time", "range"]].rename(columns={"range": "field.red_blue"})}
+
+
+def matrix(files):
+    """Ranges in a column for each pair of numbers, also of a robot and itself."""
+    names = {"odom_red.csv": "r1_odom.csv", "odom_blue.csv": "r2_odom.csv"}
+    names |= {name.replace("odom", "truth"): new.replace("odom", "truth") for name, new in names.items()}
+    d = files.pop("uwb.csv")
+    uwb = pd.DataFrame({"time": d["time"], "d11": 0.0, "d12": d["range"], "d21": d["range"], "d22": 0.0})
+    return {names[name]: table for name, table in files.items()} | {"uwb.csv": uwb}
+
+
+def one_export(files):
+    """All in one file, a line for whatever was recorded, and empty fields for all else."""
+    tables = [t.assign(robot=name[:-4].split("_")[1]) for name, t in files.items() if name != "uwb.csv"]
+    return {"export.csv": pd.concat([*tables, files["uwb.csv"].rename(columns={"from": "robot"})]).sort_values("time")}
+
+
+def folders(files):
+    """A folder for each robot, whose ranges name the other alone."""
+    found = {f"{name[:-4].split('_')[1]}/{name.split('_')[0]}.csv": t for name, t in files.items() if name != "uwb.csv"}
+    for robot in ROBOTS:
+        of = files["uwb.csv"].query("`from` == @robot").rename(columns={"to": "id"})
+        found[f"{robot}/uwb.csv"] = of.drop(columns="from")
+    return found
+
+
+def bagpy(files):
+    """Topics as bagpy writes them, a file for each pair."""
+    names = {q: f"transform.translation.{q}" for q in "xy"} | {f"q{q}": f"transform.rotation.{q}" for q in "xyzw"}
+    found, poses = {}, quaternion(["qx", "qy", "qz", "qw"])(files)
+    for robot, other in (ROBOTS, ROBOTS[::-1]):
+        odometry = poses[f"odom_{robot}.csv"].rename(columns={"v": "twist.linear.x", "omega": "twist.angular.z"})
+        found[f"{robot}-odom.csv"] = odometry.assign(**{"twist.covariance": "(0.0, 0.0)"})
+        found[f"vicon-{robot}-{robot}.csv"] = poses[f"truth_{robot}.csv"].rename(columns=names)
+        of = files["uwb.csv"].query("`from` == @robot")[["time", "range"]]
+        found[f"{robot}-uwb-{other}.csv"] = of.assign(min_range=0.0, max_range=50.0)
+    return found
+
+
+def two_tags(files):
+    """A folder for each robot, whose two tags have numbers; beside the range the raw one, the true one, and anchors."""
+    found, tags = folders(files), {"red": ("10", "11"), "blue": ("20", "21")}
+    for robot, other in (ROBOTS, ROBOTS[::-1]):
+        ranges = found[f"{robot}/uwb.csv"].drop(columns="id").reset_index(drop=True)
+        ends = {"from_id": tags[robot], "to_id": tags[other]}
+        ranges = ranges.assign(**{c: [names[k % 2] for k in range(len(ranges))] for c, names in ends.items()})
+        anchors = ranges.iloc[::5].assign(to_id="1", time=ranges["time"] + 0.01)
+        both = pd.concat([ranges, anchors]).sort_values("time")
+        found[f"{robot}/uwb.csv"] = both.assign(range_raw=both["range"] + 0.3, gt_range=both["range"] - 0.02)
+    return found
+
+
+def no_reading(files):
+    """Ranges of 65.535 m where none was measured."""
+    none = files["uwb.csv"].iloc[::7].assign(range=65.535, time=lambda t: t["time"] + 0.01)
+    return {**files, "uwb.csv": pd.concat([files["uwb.csv"], none]).sort_values("time")}
+
+
+def with_units(text):
+    """The text with a line of units, in words, below the names of the columns."""
+    head, lines = text.split("\n", 1)
+    return "\n".join(["// Monday", head, ",".join("s" for _ in head.split(",")), lines])
+
+
+def as_echo(table, path):
+    """As `ros2 topic echo` prints messages."""
+    messages = []
+    for row in table.itertuples():
+        stamp = f"header:\n  stamp:\n    sec: {int(row.time)}\n    nanosec: {round(row.time % 1 * 1e9)}\ndata:\n"
+        fields = "".join(f"  {name}: {value!r}\n" for name, value in zip(table.columns[1:], row[2:], strict=True))
+        messages.append(f"{stamp}{fields}  covariance:\n  - 0.0\n  - x: 1.0\n---\n")
+    path.with_suffix(".txt").write_text("".join(messages) + "header:\n  stamp:\n    sec: 1")
+
+
+def with_degrees(text):
+    """The text with the units of columns below their names."""
+    head, lines = text.split("\n", 1)
+    units = {"time": "s", "omega": "deg/s", "theta": "deg", "v": "m/s"}
+    return "\n".join([head, ",".join(units.get(column, "") for column in head.split(",")), lines])
+
+
+def in_feet(files):
+    feet = changed(**dict.fromkeys(("x", "y", "v", "range"), lambda metres: metres / 0.3048))
+    return renamed({"x": "x_ft", "y": "y_ft", "v": "speed_ft_s", "range": "range (feet)"})(feet(files))
+
+
+SAME, GERMAN = dict, {"time": "Zeit", "v": "Geschwindigkeit", "omega": "Drehrate", "theta": "Winkel"}
+GERMAN |= {"from": "von", "to": "nach", "range": "Entfernung"}
+SPANISH = {"time": "tiempo", "v": "velocidad", "omega": "velocidad angular", "theta": "orientación"}
+SPANISH |= {"from": "desde", "to": "hasta", "range": "distancia"}
+ROS = {"time": "field.header.stamp", "v": "field.twist.linear.x", "omega": "field.twist.angular.z"}
+DEGREES = dict.fromkeys(("omega", "theta"), np.degrees) | {c: lambda x: 1000 * x for c in ("x", "y", "v", "range")}
+
+
+def as_json_lines(table, path):
+    """A JSON object a line, the last of them torn."""
+    text = table.to_json(orient="records", lines=True, double_precision=15)
+    path.with_suffix(".jsonl").write_text(text + text[: text.index("\n") // 2])
+
+
+def as_json(options):
+    def write(table, path):
+        text = table.reset_index(drop=True).to_json(double_precision=15, **options)
+        path.with_suffix(".json").write_text(f'{{"data": {text}}}')
+
+    return write
+
+
+def numbers_alone(files):
+    """Robots by number, poses with quaternions as TUM has them, ranges of each robot's own file."""
+    files = quaternion(["qx", "qy", "qz", "qw"])(files)
+    ranges = files.pop("uwb.csv")
+    for number, robot in enumerate(ROBOTS, 1):
+        files[f"odom_{number}.txt"], truth = files.pop(f"odom_{robot}.csv"), files.pop(f"truth_{robot}.csv")
+        truth.insert(3, "z", 0.0)
+        files[f"gt_{number}.txt"] = truth
+        own = ranges[ranges["from"] == robot]
+        files[f"uwb_{number}.txt"] = own[["time"]].assign(to=3.0 - number, range=own["range"])
+    return files
+
+
+def spreadsheet(files):
+    """Two columns of one name and two without one, and a receiver of satellites beside the true positions."""
+    for robot in ROBOTS:
+        far = files[f"truth_{robot}.csv"][["time", "x", "y"]] + [0.0, 1.0, -1.0]
+        files[f"gnss_{robot}.csv"] = far
+    for name, table in files.items():
+        files[name] = table.assign(n1=1, e1="", n2=2, e2="").rename(columns={"n1": "n", "n2": "n", "e1": "", "e2": ""})
+    return files
+
+
+def compass(files):
+    """Headings clockwise from north, which is along y."""
+    turned = changed(theta=lambda heading: np.degrees(np.pi / 2 - heading) % 360)(files)
+    return renamed({"theta": "compass_deg"})(turned)
+
+
+# How the tables are changed, how they are written, and how their text is changed.
+HABITS = {
+    "Parquet": (SAME, lambda table, path: table.set_index("time").to_parquet(path.with_suffix(".parquet")), None),
+    "JSON lines": (SAME, as_json_lines, None),
+    "an echo": (SAME, as_echo, None),
+    "JSON columns": (SAME, as_json({}), None),
+    "JSON objects": (SAME, as_json({"orient": "records"}), None),
+    "a compass": (compass, {}, None),
+    "decimal commas": (renamed(GERMAN), {"sep": ";", "decimal": ","}, None),
+    "Spanish": (renamed(SPANISH), {"encoding": "latin-1"}, None),
+    "UTF-16": (SAME, {"encoding": "utf-16"}, None),
+    "millimetres and degrees": (changed(**DEGREES), {"encoding": "utf-8-sig", "lineterminator": "\r\n"}, None),
+    "feet": (in_feet, {}, None),
+    "units below": (changed(omega=np.degrees, theta=np.degrees), {}, with_degrees),
+    "microseconds": (lambda f: renamed({"time": "t (µs)"})(changed(time=lambda t: (1e6 * t).round())(f)), {}, None),
+    "the only number": (renamed({"range": "r"}), {}, None),
+    "nanoseconds": (changed(time=lambda t: (1e9 * t).round().astype("int64")), {"index": True}, None),
+    "dates": (dates("%Y-%m-%dT%H:%M:%S.%fZ"), {}, None),
+    "times of day": (dates("%H:%M:%S.%f"), {}, None),
+    "quaternions": (quaternion(["qx", "qy", "qz", "qw"]), {}, None),
+    "quaternions of EuRoC": (quaternion([f"q_RS_{q} []" for q in "xyzw"]), {}, None),
+    "half quaternions": (quaternion(["pose.orientation.z", "pose.orientation.w"]), {}, None),
+    "names of ROS": (renamed(ROS), {}, lambda text: "%" + text),
+    "a comment with the names": (SAME, {"sep": " "}, lambda text: "# by hand\n# " + text),
+    "a line of units": (SAME, {}, with_units),
+    "empty fields at the ends": (SAME, {}, lambda text: text.replace("\n", ",\n").replace(",\n", "\n", 1)),
+    "words": (lambda files: {name: t.assign(status="OK") for name, t in files.items()}, {}, None),
+    "other names": (other_names, {}, None),
+    "wide": (wide, {}, None),
+    "one table": (one_table, {}, None),
+    "a column for each": (ranges_each, {}, None),
+    "one export": (lambda files: one_export(changed(theta=lambda h: np.unwrap(h) + 4 * np.pi)(files)), {}, None),
+    "a column of a pair": (pair_alone, {}, None),
+    "folders": (folders, {}, None),
+    "two tags": (two_tags, {}, None),
+    "bagpy": (bagpy, {}, None),
+    "one export with quaternions": (lambda files: one_export(quaternion(["qx", "qy", "qz", "qw"])(files)), {}, None),
+    "compressed": (lambda files: {f"{name}.gz": t for name, t in files.items()}, {}, None),
+    "ranges that mean none": (no_reading, {}, None),
+    "a title": (SAME, {}, lambda text: "Lab 3; by Bob, on Monday\nin the afternoon\n" + text),
+    "the last line first": (lambda files: {name: t[::-1] for name, t in files.items()}, {}, None),
+    "a write that was interrupted": (SAME, {}, lambda text: text + 4096 * "\0"),
+    "a matrix of ranges": (matrix, {}, None),
+    "no names": (SAME, {"header": False, "index": True}, None),
+    "a spreadsheet": (spreadsheet, {}, None),
+    "numbers alone": (numbers_alone, {"header": False, "sep": " "}, None),
+    "names again": (SAME, {}, lambda text: text.replace("\n", "\n" + text.split("\n")[0] + "\n", 2)),
+}
+
+
+@pytest.mark.parametrize("habit", HABITS)
+def test_the_team_is_read_from_files_as_others_write_them(tmp_path, habit):
+    change, options, rewrite = HABITS[habit]
+    tables = {name: pd.DataFrame(columns) for name, columns in two_robots(seconds=40).items()}
+    want = {
+        robot: (tables[f"odom_{robot}.csv"].to_numpy(), tables[f"truth_{robot}.csv"].to_numpy()) for robot in ROBOTS
+    }
+    for name, table in change(tables).items():
+        path = tmp_path / name
+        path.parent.mkdir(exist_ok=True)  # pandas compresses what ends with .gz
+        if callable(options):
+            options(table, path)
+        else:
+            table.to_csv(path, **({"index": False} | options))
+        if rewrite:
+            path.write_text(rewrite(path.read_text()))
+    inspected = cl.inspect(tmp_path).inspected
+    log, day = inspected.log, 86_400 if habit == "times of day" else np.inf
+    assert inspected.trial.problem == ""
+    assert {finding.kind for finding in inspected.findings} <= {"dropped"}
+    assert list(log.readings) == ["range"]
+    assert log.readings["range"].values.max() < 60
+    for i, one in enumerate(ROBOTS):
+        k = log.robots.index(one) if one in log.robots else i
+        (t, *u), (_, *pose) = want[one][0].T, want[one][1].T
+        np.testing.assert_allclose(log.odometry[k].time, t % day, atol=2e-5)
+        np.testing.assert_allclose(log.odometry[k].values, np.transpose(u), atol=1e-6)
+        np.testing.assert_allclose(log.truth[k].values[:, :2], np.transpose(pose[:2]), atol=1e-6)
+        np.testing.assert_allclose(np.sin(log.truth[k].values[:, 2]), np.sin(pose[2]), atol=1e-6)
