@@ -257,7 +257,7 @@ def _draft_run(folder: Path, data: Path) -> tuple[Draft, tuple[str, ...]]:
     for file in files:
         lost = {g.column for g in file.guesses if g.quantity in ("range", "rssi") and read} - read
         lost |= {g.column for g in file.guesses if not g.quantity and g.reason != PART}
-        if unknown := ", ".join(g.column for g in file.guesses if g.column in lost):
+        if unknown := list_columns([g.column for g in file.guesses if g.column in lost]):
             left.append((f"columns {unknown}", file.name))
     unused += _for_files(left)
     return Draft(tuple(entries), tuple(tables.values()), _column_rows(files), tuple(unused), doubts), robots
@@ -282,6 +282,14 @@ def _lack_of(needed: str, folder: Path, files: Sequence[CsvTable], lacking: Mapp
             stamps = [f" ({g.reason})" for g in file.guesses if naming.name_meaning(g.column)[0] in ("time", "sec")]
             return f"{folder / file.name}: no column of it holds stamps{''.join(stamps)}; add one, such as `time` [s]"
     return ""
+
+
+def list_columns(names: Iterable[str]) -> str:
+    """Return the names of columns in a line: covariance0 to covariance35 for all between."""
+    groups: dict[str, list[str]] = {}
+    for name in names:
+        groups.setdefault(name.rstrip("0123456789"), []).append(name)
+    return ", ".join(f"{some[0]} to {some[-1]}" if len(some) > 2 else ", ".join(some) for some in groups.values())
 
 
 def _for_files(lines: Iterable[tuple[str, str]]) -> list[str]:

@@ -75,6 +75,12 @@ def is_anchor(column: str) -> bool:
     return "anchors" in map(OTHERS.get, words_of(column))
 
 
+def is_estimate(name: str) -> bool:
+    """Return whether a file is what a filter wrote, and does not say that it is the truth; maps may be references."""
+    found = {word for word in words_of(name) if OTHERS.get(word) == "estimates"}
+    return bool(found - {"slam", "cartographer", "gmapping"}) and side_of(name) != "truth"
+
+
 def is_on_globe(column: str) -> bool:
     """Return whether a column holds degrees on the globe."""
     return bool({*words_of(column)} & {*_WORDS["others"]["globe"].split()})

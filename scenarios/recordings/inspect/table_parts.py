@@ -78,7 +78,7 @@ def parts_of(file: CsvTable, halves: bool = False) -> list[TablePart]:
                 parts.append(TablePart(table, (file,), shared | {quantity: own[quantity]}, kind))
     has_truth = any(g.side == "truth" and g.quantity == "x" for g in left)
     truth = first_columns(left, ("x", "y", "heading"), ("truth",) if has_truth else ("",))
-    if {"x", "y"} <= truth.keys():
+    if {"x", "y"} <= truth.keys() and not naming.is_estimate(Path(file.name).stem):
         parts.append(TablePart("truth", (file,), shared | truth))
     ways = [(table, way) for table, ways in zip(READINGS, QUANTITIES, strict=True) for way in ways]
     for table, quantities in ways:
@@ -110,6 +110,8 @@ def why_no_table(file: CsvTable, halves: bool = False) -> str:
     if parts_of(file, halves) or not {g.quantity for g in file.guesses} & {"time", "sec"}:
         why = next((g.reason for g in file.guesses if naming.name_meaning(g.column)[0] in ("time", "sec")), "")
         return "" if parts_of(file, halves) else f"no column of it holds stamps{f' ({why})' * bool(why)}"
+    if naming.is_estimate(Path(file.name).stem) and {"x", "y"} <= {g.quantity for g in file.guesses}:
+        return "what a filter estimated is no truth; if it is, name it in [truth]"
     reasons: dict[str, list[str]] = {}
     if alone := [g.column for g in file.guesses if g.quantity == "bearing"]:
         reasons["bearings are read beside ranges alone"] = alone

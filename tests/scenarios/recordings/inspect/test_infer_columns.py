@@ -5,7 +5,9 @@ import pytest
 
 from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.recordings.inspect.columns import read_csv
+from cooploc.scenarios.recordings.inspect.csv_draft import list_columns
 from cooploc.scenarios.recordings.inspect.naming import file_pattern, name_meaning, pattern_of_mates
+from cooploc.scenarios.recordings.inspect.table_parts import parts_of
 
 LINES = 40
 
@@ -38,6 +40,17 @@ def test_the_name_of_a_file_says_what_columns_of_anchors_hold_and_that_positions
     assert (found["beacon_1"].quantity, found["landmark_id"].quantity) == ("range", "other")
     columns = {"time": range(LINES), "pos_x": range(LINES), "gt_x": range(LINES)}
     assert [guess.side for guess in guessed(tmp_path, columns, "odometry.csv").values()] == ["odometry"] * 2 + ["truth"]
+
+
+@pytest.mark.parametrize(("name", "table"), [("ekf", ""), ("slam", "truth"), ("filtered_gt", "truth")])
+def test_what_a_filter_estimated_is_no_truth(tmp_path, name, table):
+    (tmp_path / f"{name}.csv").write_text("t,x,y\n" + "".join(f"{k},{k},{k}\n" for k in range(LINES)))
+    parts = parts_of(read_csv(tmp_path / f"{name}.csv", f"{name}.csv"))
+    assert [part.table for part in parts] == [table] * bool(table)
+
+
+def test_columns_with_numbers_are_listed_by_the_first_and_the_last():
+    assert list_columns(["a", *(f"P{k}" for k in range(36)), "b1", "b2"]) == "a, P0 to P35, b1, b2"
 
 
 @pytest.mark.parametrize(
