@@ -13,7 +13,21 @@ import numpy as np
 from cooploc.estimators.interface import Array
 from cooploc.scenarios.recordings.inspect import naming
 
-TUM = ("timestamp", "x", "y", "z", "qx", "qy", "qz", "qw")
+QUATERNION = ("qx", "qy", "qz", "qw")
+TUM = ("timestamp", "x", "y", "z", *QUATERNION)
+TWIST = ("linear.x", "linear.y", "linear.z", "angular.x", "angular.y", "angular.z")
+PLACE, COVARIANCE = TUM[1:], tuple(f"covariance{k}" for k in range(36))
+# What `ros2 topic echo --csv` prints behind the stamp and its frame, by the number of columns.
+ECHO = {
+    len(names): names
+    for names in (
+        PLACE,  # PoseStamped
+        (*PLACE, *COVARIANCE),  # PoseWithCovarianceStamped
+        ("child_frame_id", *PLACE),  # TransformStamped
+        ("child_frame_id", *PLACE, *COVARIANCE, *TWIST, *(f"twist.{name}" for name in COVARIANCE)),  # Odometry
+        TWIST,  # TwistStamped
+    )
+}
 MOST_NAMES = 100  # that a column of names has
 FOLLOWS = 0.7  # least mean cosine between the heading and the direction of travel, forwards or backwards
 POSE = ("x", "y", "z", "roll", "pitch", "yaw")
@@ -35,6 +49,10 @@ def names_by_values(columns: Mapping[str, Array | tuple[str, ...]], file: str) -
     if len(columns) == len(numbers) == len(TUM) and _is_quaternion(whole[:, 4:]):
         return dict(zip(columns, TUM, strict=True))
     of = dict(zip(numbers, whole.T, strict=True))
+    stamps, are_numbers = whole[:, :2], [column in numbers for column in columns]
+    is_echo = len(columns) - 3 in ECHO and are_numbers[:3] == [True, True, False]
+    if is_echo and (stamps == np.rint(stamps)).all() and stamps[:, 1].max() > 1e6:  # nanoseconds
+        return dict(zip(columns, ("sec", "nanosec", "frame_id", *ECHO[len(columns) - 3]), strict=True))
     clocks = [column for column, values in of.items() if _is_clock(values)]
     counters = [column for column in clocks if (np.diff(of[column]) == 1).all()][: len(clocks) - 1]
     if not (time := next((column for column in clocks if column not in counters), "")):
@@ -69,7 +87,7 @@ def _measured(values: list[Array], file: str) -> tuple[str, ...]:
     if n == len(POSE) and _follows(values[0], values[1], values[-1]):
         return POSE
     if n > 6 and _is_quaternion(np.array(values[3:7]).T):
-        return (*TUM[1:], *(f"valid {k}" for k in range(7, n)))
+        return (*PLACE, *(f"valid {k}" for k in range(7, n)))
     if n == 2 and side == "odometry" and np.max(np.abs(values)) < SPEEDS:
         return ("v", "w")
     return ("x", "y", "z")[:n] if side == "truth" and n in (2, 3) else ()

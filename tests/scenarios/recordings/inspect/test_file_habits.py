@@ -1,5 +1,7 @@
 """One team in the files that others would write: each is read as the same recording, without a log.toml by hand."""
 
+import itertools
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -169,6 +171,25 @@ def numbers_alone(files):
     return files
 
 
+def echo_csv(files):
+    """As `ros2 topic echo --csv` prints Odometry and PoseStamped: without names."""
+    files = quaternion(["qx", "qy", "qz", "qw"])(files)
+    for robot, kind in itertools.product(ROBOTS, KINDS):
+        table = files[f"{kind}_{robot}.csv"]
+        sec, rest = np.divmod(table.pop("time"), 1)
+        stamped = pd.DataFrame({"sec": sec.astype(int), "nanosec": (1e9 * rest).round().astype(int), "frame": "map"})
+        if kind == "odom":
+            stamped = stamped.assign(child=robot, **{f"p{k}": float(k == 6) for k in range(7)})
+            stamped = stamped.assign(
+                **{f"c{k}": 0.0 for k in range(36)}, v=table["v"], **{f"v{k}": 0.0 for k in range(4)}
+            )
+            files[f"odom_{robot}.csv"] = stamped.assign(w=table["omega"], **{f"d{k}": 0.0 for k in range(36)})
+        else:
+            table.insert(2, "z", 0.0)
+            files[f"truth_{robot}.csv"] = stamped.join(table)
+    return files
+
+
 def spreadsheet(files):
     """Two columns of one name and two without one, and a receiver of satellites beside the true positions."""
     for robot in ROBOTS:
@@ -230,6 +251,7 @@ HABITS = {
     "a matrix of ranges": (matrix, {}, None),
     "no names": (SAME, {"header": False, "index": True}, None),
     "a spreadsheet": (spreadsheet, {}, None),
+    "echo as CSV": (echo_csv, {"header": False}, None),
     "numbers alone": (numbers_alone, {"header": False, "sep": " "}, None),
     "names again": (SAME, {}, lambda text: text.replace("\n", "\n" + text.split("\n")[0] + "\n", 2)),
 }
