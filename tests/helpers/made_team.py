@@ -1,6 +1,7 @@
 """A team's recordings in CSV files, written from motions, biases and noise that are known."""
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -57,6 +58,7 @@ class Motions:
     u: np.ndarray  # (m - 1, n, 2)  true v, omega
 
 
+@cache  # by many tests; nobody writes to it
 def drive(seed, seconds=120.0, robots=2):
     """Robots that circle about places of their own with a wandering speed."""
     rng = np.random.default_rng(seed)
@@ -72,7 +74,10 @@ def drive(seed, seconds=120.0, robots=2):
     pose = [np.stack([[2.5 + 2.5 * i, 2.0 + 0.7 * i, 0.5 + i] for i in range(robots)])]
     for k in range(m):
         pose.append(exact.move(pose[-1], u[k], np.full(robots, step))[0])
-    return Motions(EPOCH + step * np.arange(m + 1), np.array(pose), u)
+    motions = Motions(EPOCH + step * np.arange(m + 1), np.array(pose), u)
+    for array in (motions.time, motions.pose, motions.u):
+        array.flags.writeable = False
+    return motions
 
 
 def write(folder, seed=0, seconds=120.0, anchors=False, hertz=50.0):

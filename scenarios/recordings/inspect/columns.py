@@ -233,7 +233,9 @@ def _guess(table: CsvTable, column: str, file_side: str) -> Guess:
         remedies = [naming.REMEDY[word] for word in naming.words_of(column) if word in naming.REMEDY]
         unknown = remedies[0] if remedies else "neither name nor values say what it is"
     elif isinstance(table.columns[column], tuple) and quantity not in NAMES:
-        unknown = f"its name says {quantity}, but its values are not numbers"
+        of_lists = any(str(word).startswith(("(", "[")) for word in table.columns[column][:10])
+        values_are = "lists: write a line for each element" if of_lists else "not numbers"
+        unknown = f"its name says {quantity}, but its values are {values_are}"
     elif (
         quantity == "turn_rate"
         and column[1:]
