@@ -56,8 +56,13 @@ class CsvTable(NamedTuple):
     def names(self, column: str) -> list[str]:
         """Return the different words in a column, in order of appearance."""
         values = self.columns[column]
-        words = values if isinstance(values, tuple) else (f"{v:g}" for v in values[np.isfinite(values)])
+        words = values if isinstance(values, tuple) else map(number_name, values[np.isfinite(values)])
         return list(dict.fromkeys(filter(None, words)))
+
+
+def number_name(number: float) -> str:
+    """Return a number as the name of a robot or an anchor: all digits of a whole one."""
+    return f"{number:.0f}" if number == np.rint(number) else f"{number:g}"
 
 
 def read_csv(path: Path, name: str) -> CsvTable:

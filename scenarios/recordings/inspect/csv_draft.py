@@ -21,6 +21,7 @@ from cooploc.scenarios.recordings.inspect.columns import (
     infer_columns,
     infer_unit,
     no_reading,
+    number_name,
     read_csv,
 )
 from cooploc.scenarios.recordings.inspect.draft_toml import Draft, DraftTable, Entry
@@ -466,7 +467,7 @@ def _places_of(part: TablePart, robots: Sequence[str]) -> dict[str, list[float]]
     """
     file, columns = part.files[0], part.columns
     words = file.columns[columns["name"].column]
-    named = words if isinstance(words, tuple) else [f"{number:g}" for number in words]
+    named = words if isinstance(words, tuple) else [*map(number_name, words)]
     x, y = (np.asarray(file.columns[columns[q].column], float) * UNITS["m"][columns[q].unit] for q in "xy")
     sign = "a" * bool({*named} & {*robots})
     return {

@@ -91,7 +91,7 @@ def bagpy(files):
 
 def two_tags(files):
     """A folder for each robot, whose two tags have numbers; beside the range the raw one, the true one, and anchors."""
-    found, tags = folders(files), {"red": ("10", "11"), "blue": ("20", "21")}
+    found, tags = folders(files), {"red": ("1000010", "1000011"), "blue": ("1000020", "1000021")}
     for robot, other in (ROBOTS, ROBOTS[::-1]):
         ranges = found[f"{robot}/uwb.csv"].drop(columns="id").reset_index(drop=True)
         ends = {"from_id": tags[robot], "to_id": tags[other]}
