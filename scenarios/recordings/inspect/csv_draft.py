@@ -194,8 +194,8 @@ def csv_draft(data: Path) -> Draft:
     return draft if len(robots) > 1 or not inside else _draft_run(data, data)[0]
 
 
-def _draft_run(folder: Path, data: Path) -> tuple[Draft, tuple[str, ...]]:
-    """Return the draft for the CSV files of one run, with those beside the runs, which are of all; and its robots."""
+def _read_run(folder: Path, data: Path) -> tuple[list[CsvTable], list[str], str]:
+    """Read the files of a run; note those that are not read, and first one that should be."""
     beside = [p for p in _text_files(data) if p.parent == data]
     count = Counter(p.name for p in _text_files(folder) if p.parent != data)  # in several folders: of each robot
     above = {p.name for p in beside if folder == data and count[p.name] == 1}
@@ -208,6 +208,12 @@ def _draft_run(folder: Path, data: Path) -> tuple[Draft, tuple[str, ...]]:
     if not files:
         texts = f"{unused[0]}; save it as CSV, with a line of names" if own else "there is no text file in it"
         raise BadInput(unread or f"{folder}: {texts}")
+    return files, unused, unread
+
+
+def _draft_run(folder: Path, data: Path) -> tuple[Draft, tuple[str, ...]]:
+    """Return the draft for the CSV files of one run, with those beside the runs, which are of all; and its robots."""
+    files, unused, unread = _read_run(folder, data)
     doubts: tuple[Finding, ...] = ()
     runs, why = _are_runs_of_one_robot(files)
     runs &= folder == data
@@ -229,14 +235,7 @@ def _draft_run(folder: Path, data: Path) -> tuple[Draft, tuple[str, ...]]:
             raise BadInput(unread or f"{folder}: no file has columns that look like {LOOKS[needed]}; {REMEDY}")
         unused.append(f"{needed}, as no file has columns that look like {LOOKS[needed]}")
     robots = ("robot",) if runs else _robots(folder, parts)
-    other = {"odometry": "truth", "truth": "odometry"}
-    for part in parts:
-        if part.table in other and not runs:
-            _, named = naming.file_pattern(part.file_names, robots)
-            lost = {*named} - {*robots, *naming.match_names(named, robots)}
-            unused += [
-                f"robot {one!r}, as there is {part.table} of it and no {other[part.table]}" for one in sorted(lost)
-            ]
+    unused += [] if runs else _half_robots(parts, robots)
     fixed = [name for part in parts if part.table in ("anchors", "landmarks") for name in _places_of(part, robots)]
     files = [_name_readings(file, robots, fixed) for file in _name_mates(files, robots)]
     unused += _for_files((why_no_table(file, halves), file.name) for file in files)
@@ -254,14 +253,30 @@ def _draft_run(folder: Path, data: Path) -> tuple[Draft, tuple[str, ...]]:
             raise BadInput(f"{folder}: {table}; or {REMEDY}")
         else:
             unused.append(table)
+    unused += _left_columns(files, parts)
+    return Draft(tuple(entries), tuple(tables.values()), _column_rows(files), tuple(unused), doubts), robots
+
+
+def _half_robots(parts: Sequence[TablePart], robots: Sequence[str]) -> list[str]:
+    """Return a line for each robot that has odometry and no truth, or a truth and no odometry."""
+    other, lines = {"odometry": "truth", "truth": "odometry"}, list[str]()
+    for part in parts:
+        if part.table in other:
+            _, named = naming.file_pattern(part.file_names, robots)
+            lost = sorted({*named} - {*robots, *naming.match_names(named, robots)})
+            lines += [f"robot {one!r}, as there is {part.table} of it and no {other[part.table]}" for one in lost]
+    return lines
+
+
+def _left_columns(files: Sequence[CsvTable], parts: Sequence[TablePart]) -> list[str]:
+    """Return a line on the columns of each file that no table reads and that are not known."""
     read, left = {g.column for part in parts for g in part.each}, list[tuple[str, str]]()
     for file in files:
         lost = {g.column for g in file.guesses if g.quantity in ("range", "rssi") and read} - read
         lost |= {g.column for g in file.guesses if not g.quantity and g.reason != PART}
         if unknown := list_columns([g.column for g in file.guesses if g.column in lost]):
             left.append((f"columns {unknown}", file.name))
-    unused += _for_files(left)
-    return Draft(tuple(entries), tuple(tables.values()), _column_rows(files), tuple(unused), doubts), robots
+    return _for_files(left)
 
 
 def _lack_of(needed: str, folder: Path, files: Sequence[CsvTable], lacking: Mapping[str, str]) -> str:
@@ -335,13 +350,51 @@ def _draft_table(
     if table in ("anchors", "landmarks"):
         places = Entry("places", _places_of(part, robots), f"{files[0]} has names and places, and no stamps")
         return DraftTable(table, (places,))
+    owners = _whose(part, robots, fixed, runs)
+    if isinstance(owners, str):
+        return owners
+    file, columns, nodes, why_nodes = owners
+    time = [columns[q] for q in STAMPS if q in columns]
+    stamps = [_column(guess) for guess in time]
+    at = stamps if len(stamps) > 1 else stamps[0]
+    written = " ".join([file.value, *(g.column for g in part.each)])
+    if table in READINGS and "other" not in columns and "{other}" not in written:
+        found = _each_thing(table, part.each, [*robots, *fixed], robots)
+        if isinstance(found, str):
+            return f"{names}: {found}"
+        whose = tuple(column_entry("robot", columns["robot"]) for _ in columns.keys() & {"robot"})
+        return DraftTable(table, (file, Entry("time", at, time[0].reason), *whose, found, *_missing(part)))
+    entries = [Entry("kind", part.kind, "its columns")] if part.kind else []
+    if part.files[0].delimiter != delimiter:
+        entries.append(Entry("delimiter", part.files[0].delimiter, "between the fields of these files"))
+    entries += [file, Entry("time", at, "; ".join(guess.reason for guess in time))]
+    entries += [
+        column_entry(q, g) for q, g in columns.items() if q not in STAMPS and (q != "other" or table in READINGS)
+    ]
+    entries += [*_missing(part), *(frame_entries(columns, part.files[0]) if table == "truth" else [])]
+    if table in READINGS:
+        others, nodes = _of_places(part, robots, fixed, nodes)
+        entries += others
+        if "{other}" in written and "{robot}" in f"{file.value} {written}" and not nodes:
+            nodes = {number: robot for number, robot in naming.numbers_of(robots).items() if number != robot}
+    if nodes:
+        entries.append(Entry("nodes", nodes, why_nodes, "likely"))
+    return DraftTable(table, tuple(entries))
+
+
+def _whose(
+    part: TablePart, robots: tuple[str, ...], fixed: Sequence[str], runs: bool
+) -> tuple[Entry, dict[str, Guess], dict[str, str], str] | str:
+    """Return the files of a table, its columns, and robots by what they are called there, with why; or what lacks."""
+    files, columns = part.file_names, part.columns
+    names = ", ".join(files)
     pattern, named = naming.file_pattern(files, robots)
     nodes, why_nodes = dict[str, str](), "these words and the names of robots or places are alike"
     for words in (named, (*part.names("robot"), *part.names("other"))):
         nodes |= naming.match_names([word for word in words if naming.clean_name(word) not in fixed], robots)
     if len(robots) == len(part.names("robot")) == 1 and not {*part.names("robot")} & {*nodes, *robots, *fixed}:
         nodes, why_nodes = {part.names("robot")[0]: robots[0]}, "the one that measured is the one robot"
-    pairs = naming.pairs_of_robots(files, robots) if table in READINGS else {}
+    pairs = naming.pairs_of_robots(files, robots) if part.table in READINGS else {}
     if runs:
         file = Entry("file", f"{{run}}{Path(files[0]).suffix}", "a file for each run")
     elif any("{robot}" in g.column for g in columns.values()):
@@ -364,39 +417,21 @@ def _draft_table(
     elif len(robots) == len(files) == 1:
         file = Entry("file", files[0], "of the one robot")
     else:
-        return f"{names}: looks like {table}, but does not say whose it is; add a column `robot`"
-    time = [columns[q] for q in STAMPS if q in columns]
-    stamps = [_column(guess) for guess in time]
-    at = stamps if len(stamps) > 1 else stamps[0]
-    written = " ".join([file.value, *(g.column for g in part.each)])
-    if table in READINGS and "other" not in columns and "{other}" not in written:
-        found = _each_thing(table, part.each, [*robots, *fixed], robots)
-        if isinstance(found, str):
-            return f"{names}: {found}"
-        whose = tuple(column_entry("robot", columns["robot"]) for _ in columns.keys() & {"robot"})
-        return DraftTable(table, (file, Entry("time", at, time[0].reason), *whose, found, *_missing(part)))
-    entries = [Entry("kind", part.kind, "its columns")] if part.kind else []
-    if part.files[0].delimiter != delimiter:
-        entries.append(Entry("delimiter", part.files[0].delimiter, "between the fields of these files"))
-    entries += [file, Entry("time", at, "; ".join(guess.reason for guess in time))]
-    entries += [
-        column_entry(q, g) for q, g in columns.items() if q not in STAMPS and (q != "other" or table in READINGS)
-    ]
-    entries += [*_missing(part), *(frame_entries(columns, part.files[0]) if table == "truth" else [])]
-    if table in READINGS:
-        things = [word for word in part.names("other") if f"a{word}" in fixed]
-        of_places = {naming.OTHERS.get(word) for word in naming.words_of(columns["other"].column)} if things else set()
-        if {*things} & {*robots} and (of_places & {"anchors", "landmarks"} or {*things} - {*robots}):
-            why = "places that have the names of robots"
-            entries.append(Entry("others", {word: f"a{word}" for word in things}, why, "likely"))
-        else:
-            numbered = [w for w in part.names("other") if w.isdigit() and w not in (*nodes, *robots, *fixed)]
-            nodes |= naming.match_names(numbered, fixed)
-        if "{other}" in written and "{robot}" in f"{file.value} {written}" and not nodes:
-            nodes = {number: robot for number, robot in naming.numbers_of(robots).items() if number != robot}
-    if nodes:
-        entries.append(Entry("nodes", nodes, why_nodes, "likely"))
-    return DraftTable(table, tuple(entries))
+        return f"{names}: looks like {part.table}, but does not say whose it is; add a column `robot`"
+    return file, columns, nodes, why_nodes
+
+
+def _of_places(
+    part: TablePart, robots: Sequence[str], fixed: Sequence[str], nodes: dict[str, str]
+) -> tuple[list[Entry], dict[str, str]]:
+    """Return the line for places that have the names of robots, if any has, and `nodes` with the numbers of places."""
+    things = [word for word in part.names("other") if f"a{word}" in fixed]
+    kinds = {naming.OTHERS.get(word) for word in naming.words_of(part.columns["other"].column)} if things else set()
+    if {*things} & {*robots} and (kinds & {"anchors", "landmarks"} or {*things} - {*robots}):
+        why = "places that have the names of robots"
+        return [Entry("others", {word: f"a{word}" for word in things}, why, "likely")], nodes
+    numbered = [word for word in part.names("other") if word.isdigit() and word not in (*nodes, *robots, *fixed)]
+    return [], nodes | naming.match_names(numbered, fixed)
 
 
 def frame_entries(columns: Mapping[str, Guess], table: CsvTable) -> list[Entry]:
