@@ -87,21 +87,24 @@ def span(log: TeamLog) -> tuple[float, float]:
     return float(begin), float(end)
 
 
-def poses(series: Series | None, at: Array, max_gap: float) -> Array:
-    """Return true poses (len(at), 3) at some times [s]; nan where unknown."""
+def poses(series: Series | None, at: Array, max_gap: float, headings: bool = True) -> Array:
+    """Return true poses (len(at), 3) at some times [s]; nan where unknown, and headings where nobody needs them."""
+    found = np.full((len(at), 3), np.nan)
     if series is None:
-        return np.full((len(at), 3), np.nan)
+        return found
     t = at[0] if len(at) else 0.0  # small numbers keep their digits
-    columns = []
-    for part, angle in ((series.values[:, :2], False), (series.values[:, 2:], True)):
-        there = np.isfinite(part).all(-1)
-        known = np.unwrap(part[there], axis=0) if angle else part[there]
-        nowhere = np.full((len(at), part.shape[1]), np.nan)
-        columns.append(interpolate(series.time[there] - t, known, at - t, max_gap) if there.any() else nowhere)
-    return wrap_heading(np.concatenate(columns, -1))
+    for columns in (slice(2), slice(2, 3))[: 1 + headings]:
+        stamps, known = series.time, series.values[:, columns]
+        if not np.isfinite(known).all():
+            there = np.isfinite(known).all(-1)
+            stamps, known = stamps[there], known[there]
+        if len(known):
+            known = np.unwrap(known, axis=0) if columns.start else known
+            found[:, columns] = interpolate(stamps - t, known, at - t, max_gap)
+    return wrap_heading(found)
 
 
-def poses_at(log: TeamLog, robot: Indices, time: Array, max_gap: float | None = None) -> Array:
+def poses_at(log: TeamLog, robot: Indices, time: Array, max_gap: float | None = None, headings: bool = True) -> Array:
     """Return the true poses (m, 3) of robots (m,), each at its own time [s]; nan where unknown.
 
     Without `max_gap` [s] they are interpolated across five usual intervals, at least half a second.
@@ -111,16 +114,16 @@ def poses_at(log: TeamLog, robot: Indices, time: Array, max_gap: float | None = 
         truth = log.truth[i]
         if truth is not None and len(truth.time) > 1:
             gap = max(5 * float(np.median(np.diff(truth.time))), 0.5) if max_gap is None else max_gap
-            found[robot == i] = poses(truth, time[robot == i], gap)
+            found[robot == i] = poses(truth, time[robot == i], gap, headings)
     return found
 
 
-def ends(log: TeamLog, channel: Channel, max_gap: float | None = None) -> tuple[Array, Array]:
+def ends(log: TeamLog, channel: Channel, max_gap: float | None = None, headings: bool = True) -> tuple[Array, Array]:
     """Return the true poses (m, 3) of those who measured, and the places (m, 2) of what they measured."""
     readings, fixed = log.readings[channel], team_log.fixed_places(log, channel)
-    here = poses_at(log, readings.robot, readings.time, max_gap)
+    here = poses_at(log, readings.robot, readings.time, max_gap, headings)
     if fixed is None:
-        return here, poses_at(log, readings.other, readings.time, max_gap)[:, :2]
+        return here, poses_at(log, readings.other, readings.time, max_gap, headings=False)[:, :2]
     return here, fixed.positions[readings.other]
 
 

@@ -266,7 +266,7 @@ NEAREST = 0.05  # [m] readings of things nearer than this are left out: no direc
 
 def distances(log: TeamLog, channel: Channel) -> Array:
     """Return the true distance (m,) [m] to what was measured; nan where it is not known."""
-    here, there = sampling.ends(log, channel)
+    here, there = sampling.ends(log, channel, headings=False)
     distance = np.hypot(*(there - here[:, :2]).T)
     return np.where(distance > NEAREST, distance, np.nan)
 
