@@ -131,19 +131,15 @@ def check_lengths(c: CheckedLog, i: int) -> None:
             c.add("unit", i, series.source, fact, sure, f'unit = "{unit[1]}"', table, names)
             c.correct(table, i, divide_columns(series, unit[2], columns))
             return
-    if (
-        motion.moves(c.log, i)
-        and driven > 0
-        and max(driven, moved) > SLOWEST
-        and not 1 / SCALE < driven / moved < SCALE
-    ):
+    drives = motion.moves(c.log, i) and driven > 0 and max(driven, moved) > SLOWEST
+    if drives and not 1 / SCALE < driven / moved < SCALE:
         fact = f"odometry is {driven / moved:.3g} times as fast as the truth ({driven:.3g} against {moved:.3g} m/s)"
-        setting = "the unit of speed or of stamps; length_scale is fitted in any case"
+        setting, table = "the unit of speed or of stamps; length_scale is fitted in any case", "model"
         interval = float(np.median(np.diff(odometry.time)))
         if c.log.odometry_kind == "velocity" and abs(driven / moved / interval - 1) < 0.1:
             fact += f", as its lines are {interval:.3g} s apart: each is a step since the one before"
-            setting = 'kind = "increment", with dx and turn in place of speed and turn_rate'
-        c.add("scale", i, odometry.source, fact, "likely", setting, "model" if "unit" in setting else "odometry")
+            setting, table = 'kind = "increment", with dx and turn in place of speed and turn_rate', "odometry"
+        c.add("scale", i, odometry.source, fact, "likely", setting, table)
 
 
 def check_heading_unit(c: CheckedLog, i: int) -> None:
