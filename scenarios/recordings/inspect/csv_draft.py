@@ -285,7 +285,9 @@ def _lack_of(needed: str, folder: Path, files: Sequence[CsvTable], lacking: Mapp
     `lacking` says of files why they make no table.
     """
     if nameless := next((name for name, lack in lacking.items() if lack == NAMELESS), ""):
-        remedy = "add a line of names, or call it by what is in it (odom_NAME, gt_NAME, uwb)"
+        remedy = "add a line of names"
+        if not naming.side_of(Path(nameless).stem):
+            remedy += ", or call it by what is in it (odom_NAME, gt_NAME, uwb)"
         return f"{folder / nameless}: {NAMELESS}; {remedy}"
     sides = (needed,) if len(lacking) < len(files) else (needed, "")  # of some that say nothing none is to blame
     if odd := next((name for name in lacking if naming.side_of(Path(name).stem) in sides), ""):

@@ -88,7 +88,7 @@ def _measured(values: list[Array], file: str) -> tuple[str, ...]:
         return POSE
     if n > 6 and _is_quaternion(np.array(values[3:7]).T):
         return (*PLACE, *(f"valid {k}" for k in range(7, n)))
-    if n == 2 and side == "odometry" and np.max(np.abs(values)) < SPEEDS:
+    if n == 2 and side == "odometry" and np.max(np.abs(values)) < SPEEDS and not _is_path(*values):
         return ("v", "w")
     return ("x", "y", "z")[:n] if side == "truth" and n in (2, 3) else ()
 
@@ -109,6 +109,14 @@ def _are_numbers_of_things(values: Array) -> bool:
 
 def _is_quaternion(values: Array) -> bool:
     return bool((np.abs(np.linalg.norm(values, axis=-1) - 1) < 0.01).mean() > 0.9)
+
+
+def _is_path(x: Array, y: Array) -> bool:
+    """Whether values are positions: each step goes on in the direction of the one before, as noisy speeds do not."""
+    steps = np.diff(x) + 1j * np.diff(y)
+    turns = steps[1:] * steps[:-1].conj()
+    turns = turns[turns != 0]
+    return bool(len(turns) and (turns / np.abs(turns)).real.mean() > 0.5)
 
 
 def _follows(x: Array, y: Array, heading: Array) -> bool:

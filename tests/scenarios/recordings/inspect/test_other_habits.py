@@ -525,12 +525,16 @@ def test_files_of_mrclam_without_barcodes_say_what_is_missing(tmp_path):
             "numbers where the names of the columns should be; add a line of names",
         ),
         (
+            [f"{k} {np.cos(k / 9)} {np.sin(k / 9)}" for k in range(50)],  # positions, or speeds
+            "numbers where the names .*; add a line of names$",
+        ),
+        (
             ["range2 1.0 2.9 105", "odom2 1.0 0.1", "odom2 2.0 0.1", "range2 2.0 2.9 105"],
             "'range2', 'odom2'.*file of each",
         ),
     ],
 )
 def test_texts_without_names_of_columns_say_what_to_add(tmp_path, lines, words):
-    (tmp_path / "log.txt").write_text("\n".join(lines) + "\n")
+    (tmp_path / "odom.txt").write_text("\n".join(lines) + "\n")
     with pytest.raises(cl.BadInput, match=words):
         cl.inspect(tmp_path)
