@@ -139,6 +139,7 @@ def check_lengths(c: CheckedLog, i: int) -> None:
         if c.log.odometry_kind == "velocity" and abs(driven / moved / interval - 1) < 0.1:
             fact += f", as its lines are {interval:.3g} s apart: each is a step since the one before"
             setting, table = 'kind = "increment", with dx and turn in place of speed and turn_rate', "odometry"
+            c.correct("odometry", i, odometry._replace(values=odometry.values / interval))
         c.add("scale", i, odometry.source, fact, "likely", setting, table)
 
 
