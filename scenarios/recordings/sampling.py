@@ -88,7 +88,7 @@ def span(log: TeamLog) -> tuple[float, float]:
 
 
 def poses(series: Series | None, at: Array, max_gap: float, headings: bool = True) -> Array:
-    """Return true poses (len(at), 3) at some times [s]; nan where unknown, and headings where nobody needs them."""
+    """Return true poses (len(at), 3) at some times [s]; nan where unknown, and headings only if asked for."""
     found = np.full((len(at), 3), np.nan)
     if series is None:
         return found

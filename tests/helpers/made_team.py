@@ -58,7 +58,7 @@ class Motions:
     u: np.ndarray  # (m - 1, n, 2)  true v, omega
 
 
-@cache  # by many tests; nobody writes to it
+@cache  # for many tests; its arrays are read-only
 def drive(seed, seconds=120.0, robots=2):
     """Robots that circle about places of their own with a wandering speed."""
     rng = np.random.default_rng(seed)
