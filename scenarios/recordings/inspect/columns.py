@@ -48,6 +48,11 @@ class CsvTable(NamedTuple):
     robots: tuple[str, ...] = ()  # whose names stand in place of {robot} in the names of columns
     units: Mapping[str, str] = {}  # of columns, in a line below their names
 
+    @property
+    def is_nameless(self) -> bool:
+        """Whether its columns have numbers in place of names."""
+        return [*self.columns] == [f"{k}" for k in range(1, len(self.columns) + 1)]
+
     def numbers(self, column: str) -> Array:
         """Return a column's finite numbers, in order; none of a column of words."""
         values = self.columns[column]
@@ -146,7 +151,7 @@ PART = "part of a quaternion"
 
 def infer_columns(table: CsvTable) -> tuple[Guess, ...]:
     """Guess the meaning of each column; of those without names by what they are probably called."""
-    if called := names_by_values(table.columns, table.name):
+    if table.is_nameless and (called := names_by_values(table.columns, table.name)):
         named = table._replace(columns={called[column]: values for column, values in table.columns.items()})
         columns = {name: column for column, name in called.items()}
         return tuple(

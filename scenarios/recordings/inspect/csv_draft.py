@@ -117,7 +117,7 @@ def _name_readings(file: CsvTable, robots: Sequence[str], fixed: Sequence[str]) 
             guess = file.guesses[k]._replace(quantity="other", reason=f"its names are not {own[0]}, whose file it is")
             file = file._replace(guesses=(*file.guesses[:k], guess, *file.guesses[k + 1 :]))
     unknown = {*pairs.values()} - {g.column for g in file.guesses if g.quantity}
-    places = set() if [*file.columns][:2] == ["1", "2"] else {*fixed}  # of columns without names 1 is no place
+    places = set() if file.is_nameless else {*fixed}  # there 1 is the first column, and not a place
     of = [column for column in file.columns if column in places | unknown and len(file.numbers(column))]
     kind = "rssi" if any((file.numbers(column) < 0).all() for column in of) else "range"
     found = {}

@@ -30,6 +30,8 @@ ECHO = {
 }
 MOST_NAMES = 100  # that a column of names has
 FOLLOWS = 0.7  # least mean cosine between the heading and the direction of travel, forwards or backwards
+SPARE = "count"  # in the name of a column that is not used
+MOVED = 0.5  # [m] that true positions span at least: degrees on the globe do not
 POSE = ("x", "y", "z", "roll", "pitch", "yaw")
 SPEEDS = 8.0  # [m/s] or [rad/s], which no speed and no turn rate exceeds
 
@@ -39,8 +41,6 @@ def names_by_values(columns: Mapping[str, Array | tuple[str, ...]], file: str) -
 
     One column of names says whose a pose is, or what was measured; two say who measured what.
     """
-    if [*columns] != [f"{k}" for k in range(1, len(columns) + 1)]:
-        return {}
     numbers = {column: values for column, values in columns.items() if not isinstance(values, tuple)}
     rows = np.array([*numbers.values()]).T
     whole = rows[np.isfinite(rows).all(-1)] if len(numbers) else np.empty((0, 0))
@@ -67,7 +67,7 @@ def names_by_values(columns: Mapping[str, Array | tuple[str, ...]], file: str) -
         return {}
     known = {
         time: "time",
-        **{column: f"seq {column}" for column in counters},
+        **{column: f"{SPARE} {column}" for column in counters},
         **dict(zip(rest, measured, strict=True)),
         **dict(zip(names, things, strict=False)),
     }
@@ -83,14 +83,15 @@ def _measured(values: list[Array], file: str) -> tuple[str, ...]:
         is_bearing = n == 2 and np.abs(values[1]).max() <= np.pi
         return ("range", "bearing")[:n] if is_range and n == 1 + is_bearing else ()
     if n > 2 and _follows(*values[:3]):
-        return ("x", "y", "yaw", *(f"valid {k}" for k in range(3, n)))
+        return ("x", "y", "yaw", *(f"{SPARE} {k}" for k in range(3, n)))
     if n == len(POSE) and _follows(values[0], values[1], values[-1]):
         return POSE
     if n > 6 and _is_quaternion(np.array(values[3:7]).T):
-        return (*PLACE, *(f"valid {k}" for k in range(7, n)))
+        return (*PLACE, *(f"{SPARE} {k}" for k in range(7, n)))
     if n == 2 and side == "odometry" and np.max(np.abs(values)) < SPEEDS and not _is_path(*values):
         return ("v", "w")
-    return ("x", "y", "z")[:n] if side == "truth" and n in (2, 3) else ()
+    is_place = side == "truth" and n in (2, 3) and np.ptp(values[:2], axis=1).max() > MOVED
+    return ("x", "y", "z")[:n] if is_place else ()
 
 
 def _is_clock(values: Array) -> bool:
@@ -120,11 +121,12 @@ def _is_path(x: Array, y: Array) -> bool:
 
 
 def _follows(x: Array, y: Array, heading: Array) -> bool:
-    """Whether a heading, in radians or degrees, is that of travel along x and y."""
+    """Whether a heading, in radians or degrees, is that of travel along x and y, as well as one constant would be."""
     driven = np.append(0.0, np.cumsum(np.hypot(np.diff(x), np.diff(y))))
     at = np.unique(np.searchsorted(driven, np.linspace(0, driven[-1], 200)[:-1]))
     if len(at) < 3 or np.ptp(heading) == 0:
         return False
     angle = np.deg2rad(heading) if np.abs(heading).max() > 4 * np.pi else heading
     travel = np.arctan2(np.diff(y[at]), np.diff(x[at]))
-    return bool(abs(np.cos(travel - angle[at[:-1]]).mean()) > FOLLOWS)
+    constant = abs(np.exp(1j * travel).mean())  # how well the best one heading for all would do
+    return bool(abs(np.cos(travel - angle[at[:-1]]).mean()) > max(FOLLOWS, constant - 0.01))

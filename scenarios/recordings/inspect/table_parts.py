@@ -105,13 +105,13 @@ def split_readings(guesses: Sequence[Guess], named: bool) -> list[tuple[Guess, .
 
 def why_no_table(file: CsvTable, halves: bool = False) -> str:
     """Return why a file makes no table; "" where it makes one."""
-    if not any(g.quantity for g in file.guesses) and [*file.columns][:2] == ["1", "2"]:
+    if not any(g.quantity for g in file.guesses) and file.is_nameless:
         return NAMELESS
     if parts_of(file, halves) or not {g.quantity for g in file.guesses} & {"time", "sec"}:
         why = next((g.reason for g in file.guesses if naming.name_meaning(g.column)[0] in ("time", "sec")), "")
         return "" if parts_of(file, halves) else f"no column of it holds stamps{f' ({why})' * bool(why)}"
     if naming.is_estimate(Path(file.name).stem) and {"x", "y"} <= {g.quantity for g in file.guesses}:
-        return "what a filter estimated is no truth; if it is, name it in [truth]"
+        return "what a filter estimated is not taken for the truth; if it is, name it in [truth]"
     reasons: dict[str, list[str]] = {}
     if alone := [g.column for g in file.guesses if g.quantity == "bearing"]:
         reasons["bearings are read beside ranges alone"] = alone

@@ -6,7 +6,7 @@ from made_bags import START, made_bag, write_messages
 
 from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.recordings.bags import Fields, find_runs, read_topics
-from cooploc.scenarios.recordings.inspect.bag_draft import bag_draft
+from cooploc.scenarios.recordings.inspect.bag_draft import bag_draft, topics_by_robot
 from cooploc.scenarios.recordings.inspect.inspection import inspect_recording
 
 pytestmark = pytest.mark.slow  # a second each; test_checks and test_infer_columns are quick
@@ -225,3 +225,8 @@ def test_a_single_robot_needs_no_name(tmp_path):
     log = inspect_recording(tmp_path).log
     assert log.robots == ("robot",)
     assert (log.odometry[0].source, log.truth[0].source) == ("/odom", "/vicon/pose")
+
+
+@pytest.mark.parametrize(("topic", "robot"), [("/odometry/filtered", "robot"), ("/red/odom", "red")])
+def test_a_robot_is_not_called_after_its_odometry(topic, robot):
+    assert topics_by_robot([topic]) == {robot: topic}

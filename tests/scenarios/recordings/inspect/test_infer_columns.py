@@ -10,6 +10,7 @@ from cooploc.scenarios.recordings.inspect.naming import file_pattern, name_meani
 from cooploc.scenarios.recordings.inspect.table_parts import parts_of
 
 LINES = 40
+ANGLE = np.linspace(0, 6, LINES)
 
 
 def guessed(folder, columns, name="table.csv"):
@@ -47,6 +48,37 @@ def test_what_a_filter_estimated_is_no_truth(tmp_path, name, table):
     (tmp_path / f"{name}.csv").write_text("t,x,y\n" + "".join(f"{k},{k},{k}\n" for k in range(LINES)))
     parts = parts_of(read_csv(tmp_path / f"{name}.csv", f"{name}.csv"))
     assert [part.table for part in parts] == [table] * bool(table)
+
+
+def test_a_tag_measures_anchors_and_not_the_other_way_round(tmp_path):
+    columns = {"t": range(LINES), "anchorId": [0, 1] * (LINES // 2), "tagId": [0, 0, 1, 1] * (LINES // 4)}
+    found = guessed(tmp_path, columns | {"range": np.linspace(1, 9, LINES)})
+    assert (found["tagId"].quantity, found["anchorId"].quantity) == ("robot", "other")
+
+
+def test_lists_in_fields_are_named(tmp_path):
+    found = guessed(tmp_path, {"t": range(LINES), "distance": ['"(1.0, 2.0)"'] * LINES})
+    assert found["distance"].reason.endswith("lists: write a line for each element")
+
+
+@pytest.mark.parametrize(
+    ("name", "columns", "quantities"),
+    [
+        ("gt.txt", [np.linspace(0, 9, LINES), np.zeros(LINES), 0.3 + 0.1 * np.sin(np.arange(LINES))], ["x", "y", ""]),
+        ("gt.txt", [np.linspace(48.1, 48.101, LINES), np.linspace(11.5, 11.501, LINES)], ["", "", ""]),
+        (
+            "vio.txt",
+            [np.cos(ANGLE), np.sin(ANGLE), np.degrees(ANGLE) + 90, *np.zeros((2, LINES))],
+            ["x", "y", "heading"],
+        ),
+    ],
+)
+def test_speeds_are_no_headings_and_degrees_on_the_globe_no_metres_in_files_without_names(
+    tmp_path, name, columns, quantities
+):
+    np.savetxt(tmp_path / name, np.stack([np.arange(LINES) / 10, *columns], -1))
+    found = read_csv(tmp_path / name, name).guesses
+    assert [guess.quantity for guess in found[1:4]] == quantities[: len(found) - 1]
 
 
 def test_columns_with_numbers_are_listed_by_the_first_and_the_last():

@@ -503,6 +503,20 @@ def test_true_positions_that_come_once_in_two_seconds_are_judged_by(team):
     assert "2 robots, 38" in inspected.trial.lines[0]
 
 
+def test_a_robot_that_mostly_stands_has_no_other_scale(team):
+    def stands(files):
+        rng = np.random.default_rng(1)
+        for table in files.values():
+            still, tail = np.arange(len(table)) < 0.8 * len(table), int(0.8 * len(table))
+            for c in set(table) & {"v", "omega"}:
+                table.loc[still, c] = 2e-5
+            for c in set(table) & {"x", "y", "theta"}:
+                table.loc[still, c] = table[c][tail] + rng.normal(0, 2e-4, still.sum())
+        return {name: table for name, table in files.items() if name != "uwb.csv"}
+
+    assert "scale" not in {finding.kind for finding in cl.inspect(team(stands)).inspected.findings}
+
+
 def test_an_arena_is_drafted_where_robots_leave_that_of_the_anchors(team):
     places = pd.DataFrame({"name": ["A", "B"], "x": [1.0, 1.2], "y": [1.0, 1.2]})
     for x, drafted in ((0.0, True), (30.0, False)):
