@@ -43,7 +43,6 @@ from cooploc.scenarios.recordings.inspect.columns import (
     CsvTable,
     Guess,
     infer_columns,
-    infer_delimiter,
 )
 from cooploc.scenarios.recordings.inspect.naming import SI, columns_of_robots, file_pattern, name_meaning, side_of
 from cooploc.scenarios.recordings.schema import UNITS
@@ -207,20 +206,17 @@ def _add_triangles(one: Trajectory, path: Path) -> Trajectory:
 def _read_csv(path: Path) -> dict[str, Trajectory]:
     """Read a CSV file by its header, by robot where a column names several, or where each has columns of its own."""
     text = read_text(path)
-    delimiter = infer_delimiter([line for line in text.split("\n") if line.strip()])
-    patterns, robots = columns_of_robots(split_fields(text, delimiter)[0])
+    patterns, robots = columns_of_robots(split_fields(text)[0])
     found = {}
     for robot in robots:
         named = {column: pattern for column, pattern in patterns.items() if pattern.replace("{robot}", robot) == column}
-        found[robot] = _read_columns(path, text, delimiter, {*patterns} - {*named}, named)[""]
-    return found or _read_columns(path, text, delimiter)
+        found[robot] = _read_columns(path, text, {*patterns} - {*named}, named)[""]
+    return found or _read_columns(path, text)
 
 
-def _columns_of(
-    path: Path, text: str, delimiter: str, others: Collection[str] = ()
-) -> tuple[list[str], dict[str, Guess]]:
+def _columns_of(path: Path, text: str, others: Collection[str] = ()) -> tuple[list[str], dict[str, Guess]]:
     """Return the names of a CSV file's columns, but for those of `others`, and what the first of each quantity mean."""
-    head, _, rows = split_fields(text, delimiter)
+    head, _, rows = split_fields(text)
     whole = [fields for _, fields in rows if len(fields) == len(head)]
     if not whole or len({*head}) < len(head):
         fault = f"two columns have one name: {', '.join(head)}" if whole else f"it has no line of {len(head)} fields"
@@ -231,7 +227,7 @@ def _columns_of(
             numbers = parse_fields(fields)
             columns[name] = fields if np.isinf(numbers).all() else np.where(np.isinf(numbers), np.nan, numbers)
     head = [*columns]
-    guesses = infer_columns(CsvTable(path.name, delimiter, columns))
+    guesses = infer_columns(CsvTable(path.name, columns))
     if len(several := {guess.side == TRUTH: guess.column for guess in guesses if guess.quantity == "x"}) == 2:
         raise BadInput(f"{path} has {several[True]} of the truth and {several[False]}: write a file of each")
     own = {guess.quantity: guess for guess in reversed(guesses)}
@@ -243,15 +239,15 @@ def _columns_of(
 
 
 def _read_columns(
-    path: Path, text: str, delimiter: str, others: Collection[str] = (), patterns: Mapping[str, str] | None = None
+    path: Path, text: str, others: Collection[str] = (), patterns: Mapping[str, str] | None = None
 ) -> dict[str, Trajectory]:
     """Read the columns of a CSV file but for `others`, by robot; eight columns without names as TUM.
 
     In `patterns`, the names of one robot's columns, {robot} stands for its own.
     """
-    head, own = _columns_of(path, text, delimiter, others)
+    head, own = _columns_of(path, text, others)
     if head == [*"12345678"]:
-        return {"": _poses_of_tum(_drop_unknown(read_lines(path, head, (), delimiter), len(head)))}
+        return {"": _poses_of_tum(_drop_unknown(read_lines(path, head, ()), len(head)))}
     turned, needed = own.get("heading"), [own[quantity] for quantity in NEEDED]
     turns = (turned.quaternion or (turned.column,)) if turned else ()
     words = {name: (patterns or {}).get(name, name).replace("{robot}", "").strip("_. ").lower() for name in head}
@@ -259,7 +255,7 @@ def _read_columns(
     triangle = [(k, named[key]) for k, key in enumerate(COVARIANCES[3][1:]) if key in named]
     whose = [own["robot"].column] if "robot" in own else []
     wanted = (*(guess.column for guess in needed), *turns, *(name for _, name in triangle))
-    table = _drop_unknown(read_lines(path, wanted, whose, delimiter), len(needed))
+    table = _drop_unknown(read_lines(path, wanted, whose), len(needed))
     read = (*needed, *filter(None, [turned]))
     units = [UNITS[SI.get(guess.quantity, "m")].get(name_meaning(guess.column)[1], 1.0) for guess in read]
     x, of_turns = np.full((len(table.values), 3), np.nan), table.values[:, 3 : 3 + len(turns)]

@@ -125,7 +125,6 @@ def rows_of(
     named = [column.column for column in (source.robot, of) if column is not None]
     robots = run.description.robots if source.robot is None else ("",)  # "": a column gives the name
     in_columns, k = "{other}" in "".join(names), len(source.time)
-    delimiter = source.delimiter or run.description.delimiter
     lines_of: dict[tuple[Path, tuple[str, ...]], tuple[str, str]] = {}
     for robot, other in product(robots, others if in_columns or "{other}" in pattern else ("",)):
         for a, b in (
@@ -138,9 +137,9 @@ def rows_of(
     for (path, own), (robot, other) in lines_of.items():
         if not path.is_file():
             continue
-        if in_columns and not {*own} <= {*split_fields(read_text(path), delimiter)[0]}:
+        if in_columns and not {*own} <= {*split_fields(read_text(path))[0]}:
             continue
-        lines = read_lines(path, own, named, delimiter)
+        lines = read_lines(path, own, named)
         run.warnings.extend(lines.notes)
         stamp = lines.values[:, :k]
         time, notes = unwrap_stamps(((stamp - run.zero) * [c.factor for c in source.time]).sum(-1))

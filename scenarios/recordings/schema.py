@@ -120,7 +120,6 @@ Number = Annotated[LogColumn, _unit_of("")]
 # ---- Tables that say where something was recorded, and in which columns or topics
 
 Place = tuple[float, float]  # [m]
-Delimiter = Literal[",", ";", "\t", "|", " "]
 
 
 def check_name(name: str) -> str:
@@ -150,7 +149,6 @@ class Source(Strict):
     file: str | None = None  # CSV, relative to the run: "odom_{robot}.csv", one for all, or "{run}.csv" of one robot
     topic: str | None = None  # of a bag: "/{robot}/odom"
     topics: Mapping[Name, str] = {}  # of a bag: robots whose topic has another name
-    delimiter: Delimiter | None = None  # of CSV files that have another than the rest
     time: TimeColumns = Field(default=("time",), validate_default=True)  # of CSV files; summed: seconds and nanoseconds
     robot: Number | None = None  # the column with the robot's name, where a file holds several
     nodes: Mapping[str, Name] = {}  # what the files or topics call a robot, an anchor or a landmark -> its name here
@@ -397,7 +395,6 @@ class TeamDescription(Strict):
     recordings: str = ""  # the directory that they are in, where that is not the one of log.toml
     about: str = ""
     robots: tuple[Name, ...] = ()  # their names, in the order of the results; PyFG and MRCLAM name their own
-    delimiter: Delimiter = ","  # of CSV files
     arena: tuple[Place, Place] | None = None  # lower left and upper right corner [m]; else 2 m around all fixed things
     set_ups: tuple[str, ...] = ("*",)  # runs whose names match one pattern had the same hardware and site
     odometry: Odometry | None = None

@@ -268,18 +268,35 @@ def whole_numbers(table: TextTable, column: int, name: str, unique: bool = False
 
 
 COMMENTS = ("#", "%", "//")  # begin a line above the names of the columns
+DELIMITERS = (";", ",", "\t", "|", " ")
 
 
 Rows = list[tuple[int, list[str]]]  # number of a line from 1, and its fields
 
 
-def split_fields(text: str, delimiter: str) -> tuple[list[str], int, Rows]:
+def infer_delimiter(text: str) -> str:
+    """Return what divides the fields: as in the first line that is divided into as many as the next, no title."""
+    lines = [line.strip()[:10_000] for line in text.split("\n", 1000)[:1000] if line.strip()]
+    some = [line for line in lines if not line.startswith(COMMENTS)][:10] or lines[:1]
+
+    def count(line: str, delimiter: str) -> int:
+        return len(next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), []))
+
+    likely = [max(DELIMITERS, key=lambda d: (count(line, d) > 1, d != " ", count(line, d))) for line in some]
+    for delimiter, line, below in zip(likely, some, some[1:], strict=False):
+        if 1 < (n := count(line, delimiter)) <= count(below, delimiter) <= n + 1:
+            return delimiter
+    return next((d for d, line in zip(likely, some, strict=True) if count(line, d) > 1), ",")
+
+
+def split_fields(text: str) -> tuple[list[str], int, Rows]:
     """Return the names of the columns, their line from 1, and the lines below it, those that are blank left out.
 
     Names stand in the first line, or in the last comment above it, or are "1", "2" ... where half of that line are
     numbers already, as below it. Titles above the names, of another number of fields than most lines, do not count, nor
     does an empty field at the end of a line, for which there is no name.
     """
+    delimiter = infer_delimiter(text)
     rows = list(fields_of(text, delimiter))
     above = next((k for k, (_, fields) in enumerate(rows) if not fields[0].startswith(COMMENTS)), len(rows))
     comments, rows = rows[:above], rows[above:]
@@ -310,7 +327,7 @@ def split_fields(text: str, delimiter: str) -> tuple[list[str], int, Rows]:
     return [name.lstrip("#%").strip() for name in head], line, rows
 
 
-def read_lines(path: Path, numbers: Sequence[str], names: Sequence[str], delimiter: str) -> TextTable:
+def read_lines(path: Path, numbers: Sequence[str], names: Sequence[str]) -> TextTable:
     """Read columns by their names, as numbers or as text.
 
     Lines with another number of fields, or with words in place of all `numbers`, are left out; another field that is
@@ -318,7 +335,7 @@ def read_lines(path: Path, numbers: Sequence[str], names: Sequence[str], delimit
     one of `numbers`, as digits may be missing.
     """
     text = read_text(path)
-    head, first, content = split_fields(text, delimiter)
+    head, first, content = split_fields(text)
     n = len(head)
     of_numbers = [find_column(path, first, head, name) for name in numbers]
     of_names = [find_column(path, first, head, name) for name in names]

@@ -1,6 +1,5 @@
 """What the columns of a table are: each by its name first, then by its values, always with the reason."""
 
-import csv
 import re
 import statistics
 from collections.abc import Collection, Mapping, Sequence
@@ -15,7 +14,6 @@ from cooploc.estimators.interface import Array
 from cooploc.scenarios.recordings.inspect import naming
 from cooploc.scenarios.recordings.inspect.nameless import names_by_values
 from cooploc.scenarios.recordings.text_files import (
-    COMMENTS,
     LEAST_LEFT,
     parse_field,
     parse_fields,
@@ -24,7 +22,6 @@ from cooploc.scenarios.recordings.text_files import (
 )
 
 SEVERAL_KINDS = "lines of several kinds"  # begin with what they are, and have other numbers of fields
-DELIMITERS = (";", ",", "\t", "|", " ")
 
 
 class Guess(NamedTuple):
@@ -42,7 +39,6 @@ class CsvTable(NamedTuple):
     """A CSV file, with a guess for each column."""
 
     name: str  # as in log.toml
-    delimiter: str
     columns: Mapping[str, Array | tuple[str, ...]]  # numbers (rows,), nan where empty; else the fields as they are
     guesses: tuple[Guess, ...] = ()
     robots: tuple[str, ...] = ()  # whose names stand in place of {robot} in the names of columns
@@ -75,8 +71,7 @@ def read_csv(path: Path, name: str) -> CsvTable:
     text = read_text(path).lstrip()
     if not text:
         raise BadInput(f"{path}: the file is empty; get it again")
-    delimiter = infer_delimiter([line for line in text.split("\n") if line.strip()])
-    head, line, rows = split_fields(text, delimiter)
+    head, line, rows = split_fields(text)
     twice = {name for name in head if head.count(name) > 1}  # not read, and missed where no other column is alike
     once = {naming.name_meaning(name)[0] for name in head if name not in twice}
     if missed := next((name for name in head if name in twice and naming.name_meaning(name)[0] not in {"", *once}), ""):
@@ -107,22 +102,8 @@ def read_csv(path: Path, name: str) -> CsvTable:
         is_number = filled and good.sum() >= 0.9 * filled
         if column not in twice:
             columns.setdefault(patterns.get(column, column), np.where(good, numbers, np.nan) if is_number else words)
-    found = CsvTable(name, delimiter, columns, (), robots, {patterns.get(c, c): unit for c, unit in units.items()})
+    found = CsvTable(name, columns, (), robots, {patterns.get(c, c): unit for c, unit in units.items()})
     return found._replace(guesses=infer_columns(found))
-
-
-def infer_delimiter(lines: Sequence[str]) -> str:
-    """Return what divides the fields: as in the first line that is divided into as many as the next, no title."""
-    some = [line.strip()[:10_000] for line in lines if not line.startswith(COMMENTS)][:10] or list(lines[:1])
-
-    def count(line: str, delimiter: str) -> int:
-        return len(next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), []))
-
-    likely = [max(DELIMITERS, key=lambda d: (count(line, d) > 1, d != " ", count(line, d))) for line in some]
-    for delimiter, line, below in zip(likely, some, some[1:], strict=False):
-        if 1 < (n := count(line, delimiter)) <= count(below, delimiter) <= n + 1:
-            return delimiter
-    return next((d for d, line in zip(likely, some, strict=True) if count(line, d) > 1), likely[0])
 
 
 def table_of_fields(topic: str, fields: Mapping[str, Sequence[Any]]) -> CsvTable:
@@ -131,7 +112,7 @@ def table_of_fields(topic: str, fields: Mapping[str, Sequence[Any]]) -> CsvTable
     for name, values in ((name, values) for name, values in fields.items() if values):
         numbers = not any(isinstance(value, str) for value in values)
         columns[name] = np.array(values, float) if numbers else tuple(map(str, values))
-    found = CsvTable(topic, "", columns)
+    found = CsvTable(topic, columns)
     return found._replace(guesses=infer_columns(found))
 
 

@@ -241,12 +241,9 @@ def _draft_run(folder: Path, data: Path) -> tuple[Draft, tuple[str, ...]]:
     unused += _for_files((why_no_table(file, halves), file.name) for file in files)
     parts = merge_parts([part for file in files for part in parts_of(file, halves)], [])
     entries.append(Entry("robots", list(robots), why or "their names in the names of the files", "likely"))
-    delimiter = files[0].delimiter
-    if delimiter != ",":
-        entries.append(Entry("delimiter", delimiter, "between the names in the first line"))
     tables: dict[str, DraftTable] = {}
     for part in parts:
-        table = _draft_table(part, robots, fixed, runs, delimiter)
+        table = _draft_table(part, robots, fixed, runs)
         if isinstance(table, DraftTable):
             tables.setdefault(repr(table.entries), table)
         elif part.table in ("odometry", "turns", "truth"):
@@ -326,7 +323,7 @@ def tables_beside_bag(folder: Path, paths: Sequence[Path], robots: Sequence[str]
     fixed = [name for part in parts if part.table in ("anchors", "landmarks") for name in _places_of(part, robots)]
     files = [_name_readings(file, robots, fixed) for file in _name_mates(files, robots)]
     drafted = [
-        _draft_table(part, tuple(robots), fixed, False, ",")
+        _draft_table(part, tuple(robots), fixed, False)
         for part in merge_parts([part for file in files for part in parts_of(file)], [])
         if part.table not in ("odometry", *there)
     ]
@@ -343,9 +340,7 @@ def _column_rows(files: Sequence[CsvTable]) -> tuple[tuple[str, str, str, str], 
     )
 
 
-def _draft_table(
-    part: TablePart, robots: tuple[str, ...], fixed: Sequence[str], runs: bool, delimiter: str
-) -> DraftTable | str:
+def _draft_table(part: TablePart, robots: tuple[str, ...], fixed: Sequence[str], runs: bool) -> DraftTable | str:
     """Return one table of log.toml; or why it cannot be used. `fixed` are names of places."""
     table, files, columns = part.table, part.file_names, part.columns
     names = ", ".join(files)
@@ -367,8 +362,6 @@ def _draft_table(
         whose = tuple(column_entry("robot", columns["robot"]) for _ in columns.keys() & {"robot"})
         return DraftTable(table, (file, Entry("time", at, time[0].reason), *whose, found, *_missing(part)))
     entries = [Entry("kind", part.kind, "its columns")] if part.kind else []
-    if part.files[0].delimiter != delimiter:
-        entries.append(Entry("delimiter", part.files[0].delimiter, "between the fields of these files"))
     entries += [file, Entry("time", at, "; ".join(guess.reason for guess in time))]
     entries += [
         column_entry(q, g) for q, g in columns.items() if q not in STAMPS and (q != "other" or table in READINGS)

@@ -85,6 +85,14 @@ def test_a_truncated_last_line_is_left_out_and_told(lab):
     same(read(lab), whole)
 
 
+@pytest.mark.parametrize("sign", [";", "\t", "|", "  "])
+def test_what_divides_the_fields_of_a_file_may_differ_from_the_rest(lab, sign):
+    whole = read(lab)
+    file = lab / "odom_red.csv"
+    file.write_text(file.read_text().replace(",", sign))
+    same(read(lab), whole)
+
+
 def test_one_file_for_all_robots_says_the_same(lab):
     whole = read(lab)
     rows = [
