@@ -70,6 +70,8 @@ def version_changes(one: dict[str, Any], other: dict[str, Any]) -> list[tuple[st
 
 def fingerprint(folder: Path) -> str:
     """Return one hash over the names and contents of a directory's files."""
+    if not folder.is_dir():
+        raise BadInput(f"{folder}: there is no such directory; name the one that holds the recordings, or leave it out")
     return _hash((file.name, file) for file in sorted(folder.iterdir()) if file.is_file())
 
 
