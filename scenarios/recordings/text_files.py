@@ -14,6 +14,8 @@ from bisect import bisect_right
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from datetime import UTC, datetime
+from functools import partial
+from itertools import islice
 from pathlib import Path
 from reprlib import repr as short_repr
 from typing import Any, NamedTuple
@@ -275,18 +277,26 @@ Rows = list[tuple[int, list[str]]]  # number of a line from 1, and its fields
 
 
 def infer_delimiter(text: str) -> str:
-    """Return what divides the fields: as in the first line that is divided into as many as the next, no title."""
-    lines = [line.strip()[:10_000] for line in text.split("\n", 1000)[:1000] if line.strip()]
-    some = [line for line in lines if not line.startswith(COMMENTS)][:10] or lines[:1]
+    """Return what divides the fields: as in the first line that is divided into as many as the next, no title.
 
-    def count(line: str, delimiter: str) -> int:
-        return len(next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), []))
+    Of two that may, it is the one between numbers: ; in 0,5;1,5 with decimal commas.
+    """
+    lines = (match[0].strip()[:10_000] for match in re.finditer(r"\S.*", text))
+    some = [*islice((line for line in lines if not line.startswith(COMMENTS)), 10)] or text.split("\n", 1)[:1]
 
-    likely = [max(DELIMITERS, key=lambda d: (count(line, d) > 1, d != " ", count(line, d))) for line in some]
+    def divide(line: str, delimiter: str) -> list[str]:
+        return next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
+
+    def rank(line: str, delimiter: str) -> tuple[bool, bool, bool, int]:
+        words = divide(line, delimiter)
+        are_numbers = not any(np.isinf(parse_field(word)) for word in words)
+        return len(words) > 1, delimiter != " ", are_numbers, len(words)
+
+    likely = [max(DELIMITERS, key=partial(rank, line)) for line in some]
     for delimiter, line, below in zip(likely, some, some[1:], strict=False):
-        if 1 < (n := count(line, delimiter)) <= count(below, delimiter) <= n + 1:
+        if 1 < (n := len(divide(line, delimiter))) <= len(divide(below, delimiter)) <= n + 1:
             return delimiter
-    return next((d for d, line in zip(likely, some, strict=True) if count(line, d) > 1), ",")
+    return next((d for d, line in zip(likely, some, strict=True) if len(divide(line, d)) > 1), ",")
 
 
 def split_fields(text: str) -> tuple[list[str], int, Rows]:

@@ -10,7 +10,7 @@ import cooploc as cl
 from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.recordings import csv_files, schema
 from cooploc.scenarios.recordings.inspect.checks import check_recording
-from cooploc.scenarios.recordings.text_files import read_text
+from cooploc.scenarios.recordings.text_files import read_text, split_fields
 
 UWB = DESCRIPTION[DESCRIPTION.index("[ranges]") : DESCRIPTION.index("[fit]")]
 
@@ -91,6 +91,22 @@ def test_what_divides_the_fields_of_a_file_may_differ_from_the_rest(lab, sign):
     file = lab / "odom_red.csv"
     file.write_text(file.read_text().replace(",", sign))
     same(read(lab), whole)
+
+
+@pytest.mark.parametrize(
+    ("text", "names"),
+    [
+        ("# by Bob; on Monday; at noon\n" * 1200 + "t,x\n0,1\n1,2\n", ["t", "x"]),
+        ("0,1;1,2;3,4\n0,2;1,2;3,4\n", ["1", "2", "3"]),
+        ("t,ids\n0.0,1;2;3\n0.1,2;3;4\n", ["t", "ids"]),
+        ('t;name;x\n0;"a,b,c,d";1\n1;"a,b,c,d";2\n', ["t", "name", "x"]),
+        ("time (s), the robot, x\n0, red one, 1\n1, red one, 2\n", ["time (s)", "the robot", "x"]),
+        ("t\n1\n2\n", ["t"]),
+        ("", []),
+    ],
+)
+def test_a_sign_within_comments_numbers_lists_or_names_divides_no_fields(text, names):
+    assert split_fields(text)[0] == names
 
 
 def test_one_file_for_all_robots_says_the_same(lab):
