@@ -22,7 +22,7 @@ quick-test: lint  ## every room in about a minute: all but the tests marked slow
 lint: $(VENV)/.ready  ## style, types, and what may import what
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/mypy
+	$(BIN)/mypy --num-workers 2
 	$(BIN)/lint-imports --no-cache
 
 bench: $(VENV)/.ready  ## what speed was aimed at and what is reached, beside a reference; five minutes; keeps its report
