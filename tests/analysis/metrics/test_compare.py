@@ -128,7 +128,9 @@ def test_consistency_is_judged_by_the_whole_interval_of_anees_or_of_coverage(ane
     spread = np.where(FRAME["trial"] == 3, anees, 0.9) if anees > 100 else anees * np.linspace(0.9, 1.1, len(FRAME))
     frame = FRAME.assign(anees=spread, coverage95=coverage + 0.001 * FRAME["trial"])
     assert compare(frame, baseline="a")["consistency"].item() == flag
-    assert compare(frame[frame["trial"] < 4], baseline="a")["consistency"].item() == "not assessed"
+    four, five = (compare(frame[frame["trial"] < n], baseline="a")["consistency"].item() for n in (4, 5))
+    assert four == "not assessed"
+    assert (five == four) == np.isnan(anees)
 
 
 def test_one_collapsed_trial_decides_the_mean_of_anees_and_not_its_median():
@@ -180,7 +182,9 @@ def test_estimators_that_do_not_differ_share_a_letter(rng):
     hard = rng.lognormal(0, 0.4, 12)
     names, factors = list("abc"), [1.0, 1.0, 30.0]
     mse = pd.DataFrame({n: f * hard * rng.lognormal(0, 0.1, 12) for n, f in zip(names, factors, strict=True)})
-    assert rank_groups(mse)[1] == {"a": "a", "b": "a", "c": "b"}
+    ranks, groups = rank_groups(mse)
+    assert (ranks["a"] + ranks["b"], ranks["c"]) == (3, 3)
+    assert groups == {"a": "a", "b": "a", "c": "b"}
     assert rank_groups(mse[["a", "b"]])[1] == {"a": "a", "b": "a"}
 
 
@@ -193,10 +197,12 @@ def test_estimators_without_a_difference_keep_one_letter_in_95_percent_of_famili
 
 
 def test_every_statistic_is_in_the_table_and_p_is_adjusted_over_all_rows(rng):
-    frames = [FRAME, FRAME.assign(scenario="t")]
-    frames += [rows("b", 0.8 * BASE * rng.lognormal(0, 0.3, BASE.shape), scenario=s) for s in ("s", "t")]
-    frame = pd.concat(frames)
+    frames = [rows("b", 0.8 * BASE * rng.lognormal(0, 0.3, BASE.shape), scenario=s) for s in ("t", "s")]
+    frame = pd.concat([*frames, FRAME, FRAME.assign(scenario="t")])
+    frame["centralised"] = frame["scenario"] + frame["estimator"] == "tb"
     table = compare(frame, "a", full=True)
+    assert (table["scenario"] + table["estimator"]).tolist() == ["tb", "sb", "sa", "ta"]
+    assert table["centralised"].tolist() == [True, False, False, False]
     pd.testing.assert_frame_equal(table[list(STATISTICS)], summarize(frame)[list(STATISTICS)])
     assert set(SHORT) <= set(table.columns)
     smallest = table["p"].idxmin()

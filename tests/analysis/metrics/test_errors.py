@@ -122,6 +122,7 @@ def test_the_curve_pools_to_the_table():
     assert np.sqrt((curve["rmse"] ** 2).mean()) == pytest.approx(table["rmse"].item())
     assert curve["anees"].mean() == pytest.approx(table["anees"].item())
     assert (curve["rmse_low"] < curve["rmse"]).all()
+    assert curve[["band_low", "band_high"]].iloc[0].tolist() == list(band(6, 2))
 
 
 def test_the_band_holds_95_percent_of_consistent_filters():

@@ -8,6 +8,7 @@ import pytest
 import cooploc as cl
 from cooploc.analysis.claims.multiverse import SHOWN
 from cooploc.analysis.claims.verdicts import COLUMNS
+from cooploc.analysis.report import claim_tables
 
 
 def verdicts():
@@ -48,6 +49,13 @@ def test_each_case_is_drawn_once_beside_its_claim():
     claimed = [line.get_xdata()[0] for line in ax.lines if len(line.get_xdata()) == 2 and line.get_linewidth() == 2]
     np.testing.assert_allclose(claimed, [-66, -33])
     plt.close(ax.figure)
+
+
+def test_a_decided_case_says_whether_it_stands_over_all_of_them():
+    judged = verdicts().assign(trials=20, stands=[True, False, True, False], p_holm=0.01, remark="", otherwise="")
+    table = claim_tables.cases(judged.replace({"verdict": {"supported": "undecided"}}))
+    where = [column.head for column in table.columns].index("stands")
+    assert [line[where] for line in table.texts()] == ["yes", "", "yes", "no"]
 
 
 def marks(ax):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cooploc.estimators.mixtures import Mixture, clusters, weigh, weigh_reference
+from cooploc.estimators.mixtures import Mixture, clusters, sample, weigh, weigh_reference
 from cooploc.estimators.models import Bearing, LogDistance, Range, Sighting
 from cooploc.estimators.particle_likelihood import log_density
 
@@ -70,3 +70,13 @@ def test_clusters_halve_the_widest_at_its_mean(rng, K):
             np.testing.assert_allclose(got.w[r, k], share)
             np.testing.assert_allclose(got.x[r, k], mean)
             np.testing.assert_allclose(got.P[r, k], P, atol=1e-12)
+
+
+@pytest.mark.parametrize("u", [0.001, 0.5, 0.999])
+def test_a_sample_has_each_particle_as_often_as_its_weight_says(rng, u):
+    x, logw = rng.normal(size=(1, 6, 2)), np.log([[1e-9, 0.25, 1e-9, 0.5, 0.25, 1e-9]])
+    places = sample(x, logw, np.array([u]), 8)[0, 3:].reshape(8, 2)
+    w = np.exp(logw[0])
+    mean = w @ x[0] / w.sum()
+    drawn = mean + (places - mean) / np.sqrt(1 - 8 ** (-1 / 3))
+    np.testing.assert_allclose(drawn, x[0, [1, 1, 3, 3, 3, 3, 4, 4]], atol=1e-6)
