@@ -34,6 +34,11 @@ def parse(label: str) -> tuple[str, dict[str, str]]:
     given = GIVEN.fullmatch(match[1])
     if given and not re.fullmatch("[a-z][a-z0-9-]*", given[1]):
         raise BadInput(f"{given[1]!r} cannot be a name: write small letters, digits, hyphens, as in mine={given[2]}")
+    if not given and (named := re.match("[a-z][a-z0-9-]*=", match[1])):
+        raise BadInput(
+            f"{label!r}: only what is in a Python file may have a name in front; leave {named[0]} out, and give "
+            "parameters a name in a study's [variants]"
+        )
     return given[2] if given else match[1], parameters
 
 

@@ -271,7 +271,8 @@ def seconds_left(rows: pd.DataFrame, going: Iterable[Cell], most: int) -> float:
 def _look_sentence(n: int, answers: Sequence[Answers], left: float) -> str:
     """Say what a look decided, and how long the rest takes at most."""
     totals = [(one.decided, one.decided + one.undecided, one.of) for one in answers]
-    decided = ", ".join(f"{done} of {count_of(total, of)}" for done, total, of in totals if total)
+    some = [f"{done} of {count_of(total, of)}" for done, total, of in totals if total]
+    decided = ", ".join(some) or "nothing, as no estimator stands beside the baseline"
     still = sum(one.undecided for one in answers)
     rest = f"; {still} open, at most about {duration(left)} of estimating more" if left > 0 else ""
     return f"after {n} trials: decided {decided}{rest}"

@@ -80,3 +80,10 @@ def test_another_open_question_keeps_its_cells_running(tmp_path):
 
     rows = run_until_decided(prepare(STUDY), tmp_path / "run", [ask])
     assert rows.groupby("estimator")["trial"].nunique()[CLEAR] == 40
+
+
+def test_a_baseline_alone_leaves_nothing_to_decide(tmp_path):
+    told = Log()
+    alone = STUDY.model_copy(update={"estimators": ("dead-reckoning",), "baseline": "dead-reckoning"})
+    run_until_decided(prepare(alone), tmp_path / "run", progress=told)
+    assert told.said[-1] == "after 10 trials: decided nothing, as no estimator stands beside the baseline"

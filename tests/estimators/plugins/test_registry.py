@@ -37,6 +37,7 @@ def test_parameters_are_written_the_same_everywhere():
         ("arl[uses=x]", "has no parameter 'uses'"),
         ("Mine=own.py:Mine", "'Mine' cannot be a name: write small letters, digits, hyphens, as in mine=own.py:Mine"),
         ("=own.py:Mine", "'' cannot be a name"),
+        ("x=ekf-ci[gate=9]", "only what is in a Python file may have a name in front; leave x= out"),
         ("arl=own.py:Mine[K=1]", "an estimator is called 'arl' already: give own.py:Mine another name"),
     ],
 )
