@@ -137,13 +137,13 @@ def _exchange_packets(
     they_know = news(theirs, Belief(common.x[:, 2:], common.P[:, 2:, 2:]))
     before = join(common, i_know, LinkInformation(0 * they_know.eta, 0 * they_know.Y))
     both = join(common, i_know, they_know)
-    after = Belief(*kalman(*both, *_linearise(sensor, both, mine, z)))
+    after = Belief(*kalman(*both, *linearise_both(sensor, both, mine, z)))
     Y1, Y0 = np.linalg.inv(after.P[:, :2, :2]), np.linalg.inv(before.P[:, :2, :2])
     eta = Y1 @ (after.x[:, :2] - about)[..., None] - Y0 @ (before.x[:, :2] - about)[..., None]
     return after, LinkInformation(eta[..., 0], symmetric(Y1 - Y0))
 
 
-def _linearise(sensor: Sensor, both: Belief, mine: Belief, z: Array) -> tuple[Array, Array, Array]:
+def linearise_both(sensor: Sensor, both: Belief, mine: Belief, z: Array) -> tuple[Array, Array, Array]:
     """Linearise a reading at both mean positions: y (k, m), H (k, m, 4), R (k, m, m); heading errors count as noise."""
     d = mine.x.shape[-1]
     pose = np.concatenate([both.x[:, :2], mine.x[:, 2:]], -1)

@@ -10,6 +10,8 @@ Columns may be fields of messages of any type whose definition is in the bag, as
 
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from itertools import permutations, product
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -51,6 +53,17 @@ Content = tuple[dict[str, Topic], list[str]]  # topics by name, and warnings
 Wanted = Mapping[str, Fields]  # by topic
 EVERY_FIELD = Fields(("*",))
 SAMPLE = 1000  # messages of a topic whose fields are looked at
+_read: ContextVar[dict[Path, list[tuple[Wanted, list[Content]]]] | None] = ContextVar("read", default=None)
+
+
+@contextmanager
+def keep_what_is_read() -> Iterator[None]:
+    """Read a bag once for all that want the same topics of it, as the steps of an inspection do."""
+    before = _read.set({})
+    try:
+        yield
+    finally:
+        _read.reset(before)
 
 
 def read_content(path: Path, wanted: Wanted | None) -> Content:
@@ -61,7 +74,7 @@ def read_content(path: Path, wanted: Wanted | None) -> Content:
         wanted = {name.removeprefix(own): of for own in (*together.values(), "") for name, of in wanted.items()}
     contents, warnings = list[dict[str, Topic]](), list[str]()
     for bag in bags:
-        parts = _parts(bag, wanted)
+        parts = _parts(bag, wanted) if wanted is None else _kept_parts(bag, wanted)
         contents.append(_merge(path, [found for found, _ in parts]))
         warnings += [line for _, told in parts for line in told]
     contents = _distinguish_topics([*together.values()], contents) if together else contents
@@ -109,6 +122,26 @@ def _distinguish_topics(owns: Sequence[str], contents: Sequence[Mapping[str, Top
     return named
 
 
+def _kept_parts(bag: Path, wanted: Wanted) -> list[Content]:
+    """Return `_parts` of a bag, from what was read of it already where that is kept and has all topics."""
+    read = _read.get()
+    kept = [] if read is None else read.setdefault(bag, [])
+    for before, parts in kept:
+        there = {name for topics, _ in parts for name in topics}
+        if all(before.get(name) == of for name, of in wanted.items() if name in there):
+            return [_select(content, wanted) for content in parts]
+    kept.append((wanted, _parts(bag, wanted)))
+    return kept[-1][1]
+
+
+def _select(content: Content, wanted: Wanted) -> Content:
+    """Return what would have been read if these topics alone had been wanted."""
+    topics, warnings = content
+    others = tuple(f"{name}: " for name in topics if name not in wanted)
+    chosen = {n: t if n in wanted else Topic(t.type, [], [], [], set()) for n, t in topics.items()}
+    return chosen, [line for line in warnings if not line.startswith(others)]
+
+
 def _parts(bag: Path, wanted: Wanted | None) -> list[Content]:
     """Read one bag; of a damaged one what can be recovered, and a warning for each file without any message."""
     try:
@@ -137,7 +170,7 @@ def _collect(bag: Bag, wanted: Wanted | None) -> Content:
     fields, names = wanted or {}, [name for name, kind in bag.types.items() if kind not in PICTURES]
     if wanted is not None:
         names = [n for n, kind in bag.types.items() if n in wanted and (kind in KINDS or wanted[n].numbers)]
-    unreadable = dict.fromkeys(names, 0)
+    unreadable, unsampled = dict.fromkeys(names, 0), {*names}
     for name, time, raw in bag.messages(names):
         topic = topics[name]
         try:
@@ -147,6 +180,8 @@ def _collect(bag: Bag, wanted: Wanted | None) -> Content:
                 if (of := fields[name]) == EVERY_FIELD:
                     if len(raw) < LARGE and len(topic.rows) < SAMPLE:
                         topic.rows.append([tuple(bag_storage.fields_of(bag.decode(raw, topic.type)).items())])
+                    elif len(topic.rows) == SAMPLE:  # which is enough
+                        unsampled.discard(name)
                 else:
                     message = bag.decode(raw, topic.type)
                     of_fields = bag_storage.field_rows(message, [*of.numbers, *of.names]) if of.numbers else None
@@ -158,10 +193,13 @@ def _collect(bag: Bag, wanted: Wanted | None) -> Content:
                 topic.hashes.add(hash(bytes(raw)))
         except Exception:  # whatever rosbags raises on a damaged message, or one of a type it does not know
             unreadable[name] += 1
-    for name in names:
-        there, recorded = len(topics[name].received) + unreadable[name], bag.counts.get(name, 0)
-        if there < recorded:
-            raise BadInput(f"{name} has {there} messages where {recorded} were recorded")
+        if not unsampled:
+            break
+    else:
+        for name in names:
+            there, recorded = len(topics[name].received) + unreadable[name], bag.counts.get(name, 0)
+            if there < recorded:
+                raise BadInput(f"{name} has {there} messages where {recorded} were recorded")
     return topics, [f"{name}: {n} messages cannot be read; they are left out" for name, n in unreadable.items() if n]
 
 

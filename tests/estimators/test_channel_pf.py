@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
-from oracles import dense_posterior, linear_team
+from oracles import covariances, dense_posterior, linear_team
 
-from cooploc.estimators import make
+from cooploc.estimators import channel_pf, make
+from cooploc.estimators.interface import Belief
+from cooploc.estimators.models import Range
 from cooploc.scenarios.runner.trace import trace
 
 TICKS = 6
@@ -46,3 +48,24 @@ def test_a_packet_after_lost_ones_brings_the_way_that_the_sender_went_meanwhile(
     np.testing.assert_allclose(s.heard[0, 1, :2], np.nan_to_num(lost.senses.odometry[0, :, 1]).sum(0))
     off = s.channel.x[0, 1, 2:] - s.own.belief.x[1]
     assert np.linalg.norm(off) < 3 * np.sqrt(np.trace(s.channel.P[0, 1, 2:, 2:]))
+
+
+def test_the_news_of_a_belief_is_what_was_added_to_the_common_one(rng):
+    common, Y, eta = (
+        Belief(rng.normal(size=(9, 2)), covariances(rng, 9, d=2)),
+        covariances(rng, 9, d=2),
+        np.ones((9, 2)),
+    )
+    P = np.linalg.inv(np.linalg.inv(common.P) + Y)
+    found = channel_pf.news(Belief(common.x + (P @ eta[..., None])[..., 0], P), common)
+    np.testing.assert_allclose(found.Y, Y, atol=1e-9)
+    np.testing.assert_allclose(found.eta, eta, atol=1e-9)
+
+
+def test_a_range_is_compared_with_its_mean_over_both_places(rng):
+    """Half a metre of doubt about each makes the mean distance longer than that of the means."""
+    both = Belief(np.array([[0.0, 0.0, 2.0, 0.5]]), 0.25 * np.eye(4)[None])
+    drawn = rng.multivariate_normal(both.x[0], both.P[0], 100_000)
+    distance = np.hypot(*(drawn[:, :2] - drawn[:, 2:]).T)
+    y, _, _ = channel_pf.linearise_both(Range(0.1), both, Belief(both.x[:, :2], both.P[:, :2, :2]), np.array([[2.0]]))
+    assert y.item() == pytest.approx(2.0 - distance.mean(), abs=0.02)

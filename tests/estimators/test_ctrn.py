@@ -138,6 +138,25 @@ def test_what_is_received_is_never_fed_back_nor_sent_on():
     np.testing.assert_array_equal(sent[0.0], sent[1.0])
 
 
+def test_what_was_received_moves_as_the_robot_does_until_it_hears_more():
+    _, stream = cl.simulate("trajectory", trials=1, seed=5, ticks=6, drop=0.0)
+    link, received = stream.air.link.copy(), []
+    link[:, 1:] = False
+
+    def watch(method, tick, arguments, call):
+        result = call(*arguments)
+        if method == "fuse":
+            received.append(result.received)
+        return result
+
+    trace("ctrn", cl.make("ctrn", fusion="received", **SMALL), stream.replace_arrays({"air.link": link}), watch)
+    first, last = received[0], received[-1]
+    driven = stream.senses.odometry[0, 1:].sum(0)
+    _, _, Q = stream.world.motion.move(first.x[:, 0], stream.senses.odometry[0, 1], stream.senses.dt[0, 1])
+    np.testing.assert_allclose(last.x - first.x, np.where(np.isnan(first.x), np.nan, driven[:, None]), atol=1e-12)
+    np.testing.assert_allclose((last.P - first.P)[0, 1], 5 * Q[0])
+
+
 def test_cvxpy_and_exact_weights_agree():
     _, stream = cl.simulate("trajectory", trials=2, seed=6, ticks=15)
     exact = cl.run({"c": cl.make("ctrn", **SMALL)}, stream).traces["c"]

@@ -47,6 +47,14 @@ def test_both_robots_of_a_pair_read_the_same_and_removing_the_mean_bias_shifts_e
     error, shifted = errors(), errors(bias="removed")
     assert np.array_equal(error, error.transpose(0, 1, 3, 2), equal_nan=True)
     np.testing.assert_allclose(pairs(error - shifted), 0.32)
+    raw, removed = (simulate("uwb", trials=1, bias=b)[1].world.sensors["radio_range"].sigma for b in ("raw", "removed"))
+    assert (raw, removed) == pytest.approx((0.1, np.hypot(0.08, residual_sd())))
+
+
+def test_a_wall_between_two_robots_makes_their_range_longer():
+    walls = {"walls": ((3.0, 0.0, 3.0, 6.0),)}
+    added = pairs(errors(**walls, nlos_range_bias=0.7)) - pairs(errors(**walls))
+    assert np.unique(added.round(9)).tolist() == [0.0, 0.7]
 
 
 def test_a_residual_is_remembered_for_about_two_seconds():

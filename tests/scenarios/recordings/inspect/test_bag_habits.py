@@ -5,6 +5,7 @@ import pytest
 from made_bags import START, made_bag, write_messages
 
 from cooploc.estimators.errors import BadInput
+from cooploc.scenarios.recordings import bags
 from cooploc.scenarios.recordings.bags import Fields, find_runs, read_topics
 from cooploc.scenarios.recordings.inspect.bag_draft import bag_draft, topics_by_robot
 from cooploc.scenarios.recordings.inspect.inspection import inspect_recording
@@ -92,6 +93,27 @@ def test_every_robot_has_its_odometry_and_its_truth(habit, tmp_path):
         assert ("truth" in odometry.source, len(odometry.time), len(truth.time)) == (False, 300, 300)
         angle = 0.1 * (truth.time - START) + (0.0 if robot == "red" else np.pi)
         np.testing.assert_allclose(truth.values[:, 0], 2 * np.cos(angle), atol=0.002)
+
+
+def test_what_was_read_of_a_bag_is_not_read_again_in_one_inspection(tmp_path, monkeypatch):
+    bag, _ = made_bag(tmp_path, "mcap", SECONDS)
+    collect, wanted = bags._collect, []
+    monkeypatch.setattr(bags, "_collect", lambda bag, of: wanted.append(of) or collect(bag, of))
+    for _ in range(2):
+        assert not inspect_recording(bag).trial.problem
+        assert [one and {*one.values()} for one in wanted] == [None, {Fields()}]
+        wanted.clear()
+    with bags.keep_what_is_read():
+        several, one = (read_topics(bag, names)[0] for names in (["/red/odom", "/mocap/red"], ["/mocap/red"]))
+    assert len(wanted) == len(one) == 1
+    np.testing.assert_array_equal(one["/mocap/red"].values, several["/mocap/red"].values)
+
+
+def test_fields_are_looked_at_in_a_sample_and_not_in_the_whole_bag(tmp_path, monkeypatch):
+    bag, _ = made_bag(tmp_path, "mcap", SECONDS)
+    monkeypatch.setattr(bags, "SAMPLE", 7)
+    content, _ = bags.read_content(bag, {"/red/odom": bags.EVERY_FIELD})
+    assert (len(content["/red/odom"].rows), len(content["/red/odom"].received)) == (7, 8)
 
 
 def test_folders_of_robots_are_runs_and_one_of_them_may_be_inspected(tmp_path):
