@@ -293,7 +293,12 @@ def test_the_command_ranks_methods_and_says_what_is_odd(team, tmp_path):
     assert "another frame" in inside("judge", "--truth", team / "truth", *named).stdout.replace("\n", " ")
     equals = tmp_path / "ekf-local[gate=3]"
     shutil.copytree(team / "mine", equals)
-    assert "ekf-local" in inside("judge", "--truth", team / "truth", "--tum", equals, "--align", "se2").stdout
+    three = inside(
+        "judge", "--truth", team / "truth", *named, "--tum", equals, "--align", "se2", "--out", tmp_path / "3"
+    )
+    assert "ekf-local" in three.stdout
+    verdict = "<strong>mine has the smallest RMSE, [0-9.]+ m; it is not told apart from ekf-local.gate=3.[.]</strong>"
+    assert re.search(verdict, (tmp_path / "3/index.html").read_text("utf-8"))
     taken = inside("judge", "--truth", team / "truth", *named, "--out", team / "mine/red.txt")
     assert (taken.returncode, len(taken.stderr.strip().splitlines())) == (2, 1)
     refused = inside("judge", "--tum", team / "mine")
