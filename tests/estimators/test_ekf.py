@@ -197,6 +197,16 @@ def test_batched_is_filterpy(label, robots):
         assert_near(*run({"batched": batched, "filterpy": loop}, stream).traces.values())
 
 
+def test_weights_for_the_position_alone_leave_less_doubt_about_it_at_the_first_fusion():
+    _, stream = simulate("camera/n=2", trials=8, seed=26, ticks=60)
+    traces = run(["ekf-ci", "ekf-ci[over=position]"], stream).traces.values()
+    state, position = (np.trace(trace.P[..., :2, :2], axis1=-2, axis2=-1) for trace in traces)
+    differs = ~np.isclose(state, position, rtol=1e-6)
+    first = differs.any((0, 2)).argmax()
+    smaller = (position < state)[:, first][differs[:, first]]
+    assert smaller.tolist() == [True] * max(1, len(smaller))
+
+
 @pytest.mark.parametrize("label", ["camera[ticks=120]", "trajectory[ticks=120]", "scalability/n=10[ticks=15]"])
 def test_interim_master_is_the_joint_filter_while_nothing_is_lost(label):
     _, stream = simulate(label, trials=2, seed=28)
