@@ -4,9 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from oracles import dense_posterior, linear_team, measure_anchor_ranges
+from oracles import covariances, dense_posterior, linear_team, measure_anchor_ranges
+from scipy.special import huber
 
 import cooploc as cl
+from cooploc.estimators.gbp import HUBER, weigh
 from cooploc.scenarios.runner.tick import make_loop
 
 TICKS = 6
@@ -82,6 +84,16 @@ def test_alone_it_is_map_joint_for_any_window(window, anchors):
     run = cl.run({"gbp": gbp, "map": cl.make("map-joint", window=window, iterations=20)}, stream)
     np.testing.assert_allclose(run.traces["gbp"].x, run.traces["map"].x, atol=1e-9)
     np.testing.assert_allclose(run.traces["gbp"].P, run.traces["map"].P, atol=1e-9)
+
+
+def test_half_the_weighted_square_is_hubers_loss_and_an_absent_reading_has_none(rng):
+    y, R = 4 * rng.normal(size=(60, 2)), covariances(rng, 60, d=2)
+    y[7, 0] = np.nan
+    whitened, noise, _ = weigh(y, R, "huber")
+    squares = [(one * np.linalg.solve(R_w, one)).sum() for one, R_w in zip(whitened, noise, strict=True)]
+    distance = np.sqrt([(one * np.linalg.solve(R_one, one)).sum() for one, R_one in zip(y, R, strict=True)])
+    assert 10 < (distance > HUBER).sum() < 50
+    np.testing.assert_allclose(np.array(squares) / 2, np.nan_to_num(huber(HUBER, distance)))
 
 
 def test_it_sends_five_numbers_to_each_teammate_and_five_or_ten_more_for_each_older_pose():

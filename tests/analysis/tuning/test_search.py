@@ -18,6 +18,7 @@ from cooploc.analysis.tuning.search import (
     space_of,
     trial_scores,
 )
+from cooploc.analysis.tuning.tune import history
 from cooploc.estimators import configure
 from cooploc.estimators.label_syntax import parse
 from cooploc.estimators.tunable import Tunable
@@ -33,6 +34,7 @@ def test_the_cap_keeps_the_order_and_takes_the_weight():
     found = cap_score(nll)
     np.testing.assert_array_equal(found[:3], nll[:3])
     assert (np.diff(found) > 0).all()
+    assert found[3] == pytest.approx(CAP + np.log(2))
     assert found[-1] < CAP + 15
     assert cap_score(np.array([np.nan]))[0] == cap_score(np.array([LARGEST]))[0]
 
@@ -109,6 +111,9 @@ def test_what_is_hopeless_stops_early_and_what_is_better_is_chosen():
     assert len(stopped) > 5
     assert max(len(one.scores) for one in stopped) < finish.rounds * 2
     assert 15 < gate_of(finish.best.label) < 60
+    tried = history([finish]).set_index("label")
+    gains = [steep("ekf-local", one) - steep(finish.best.label, one) for one in finish.best.scores]
+    assert tried.loc[finish.best.label, "gain"] == pytest.approx(np.mean(gains))
     assert finish.best.state == "finished"
 
 
