@@ -53,6 +53,7 @@ Content = tuple[dict[str, Topic], list[str]]  # topics by name, and warnings
 Wanted = Mapping[str, Fields]  # by topic
 EVERY_FIELD = Fields(("*",))
 SAMPLE = 1000  # messages of a topic whose fields are looked at
+MOST_KEPT = 1_000_000  # messages, of some 300 bytes each; of more, the last bag that was read
 _read: ContextVar[dict[Path, list[tuple[Wanted, list[Content]]]] | None] = ContextVar("read", default=None)
 
 
@@ -124,14 +125,18 @@ def _distinguish_topics(owns: Sequence[str], contents: Sequence[Mapping[str, Top
 
 def _kept_parts(bag: Path, wanted: Wanted) -> list[Content]:
     """Return `_parts` of a bag, from what was read of it already where that is kept and has all topics."""
-    read = _read.get()
-    kept = [] if read is None else read.setdefault(bag, [])
-    for before, parts in kept:
+    if (read := _read.get()) is None:
+        return _parts(bag, wanted)
+    for before, parts in read.get(bag, ()):
         there = {name for topics, _ in parts for name in topics}
         if all(before.get(name) == of for name, of in wanted.items() if name in there):
             return [_select(content, wanted) for content in parts]
-    kept.append((wanted, _parts(bag, wanted)))
-    return kept[-1][1]
+    parts = _parts(bag, wanted)
+    contents = [content for kept in (*read.values(), [(wanted, parts)]) for _, found in kept for content in found]
+    if sum(len(topic.received) for topics, _ in contents for topic in topics.values()) > MOST_KEPT:
+        read.clear()
+    read.setdefault(bag, []).append((wanted, parts))
+    return parts
 
 
 def _select(content: Content, wanted: Wanted) -> Content:

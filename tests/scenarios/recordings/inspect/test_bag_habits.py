@@ -107,6 +107,14 @@ def test_what_was_read_of_a_bag_is_not_read_again_in_one_inspection(tmp_path, mo
         several, one = (read_topics(bag, names)[0] for names in (["/red/odom", "/mocap/red"], ["/mocap/red"]))
     assert len(wanted) == len(one) == 1
     np.testing.assert_array_equal(one["/mocap/red"].values, several["/mocap/red"].values)
+    other, _ = made_bag(tmp_path, "mcap", SECONDS, name="other")
+    for most, times in ((1000, 2), (400, 4)):
+        monkeypatch.setattr(bags, "MOST_KEPT", most)
+        wanted.clear()
+        with bags.keep_what_is_read():
+            for path in (bag, other, bag, other):
+                read_topics(path, ["/red/odom"])
+        assert len(wanted) == times
 
 
 def test_fields_are_looked_at_in_a_sample_and_not_in_the_whole_bag(tmp_path, monkeypatch):
