@@ -8,7 +8,8 @@ import numpy as np
 
 from cooploc.estimators.errors import BadInput, nearest
 from cooploc.estimators.interface import Array
-from cooploc.scenarios.recordings import bag_storage, bags, mrclam, schema
+from cooploc.scenarios.recordings import bag_storage, mrclam, schema
+from cooploc.scenarios.recordings.bags import keep_what_is_read
 from cooploc.scenarios.recordings.inspect import draft_toml
 from cooploc.scenarios.recordings.inspect.bag_draft import bag_draft
 from cooploc.scenarios.recordings.inspect.checks import GAP, check_recording
@@ -71,7 +72,7 @@ class Inspected(NamedTuple):
         return list(dict.fromkeys([*unread, *self.log.warnings, *self.trial.faults]))
 
 
-@bags.keep_what_is_read()
+@keep_what_is_read()
 def inspect_recording(path: Path, run: str = "", again: bool = False) -> Inspected:
     """Inspect a directory of CSV files, a bag, a PyFG file or MRCLAM text."""
     directory = path if path.is_dir() else path.parent
@@ -146,11 +147,9 @@ def recognize(path: Path) -> tuple[str, str]:
         raise BadInput(f"{path}: this is one file; name the directory with the files of all robots, odometry and truth")
     files = [path] if path.is_file() else sorted(p for p in path.rglob("*") if p.is_file())
     ending = {p.suffix.lower(): p.name for p in reversed(files)}
-    found = [p.name for p in files if bag_storage.is_bag(p)]
-    if found := found or [
-        f"{p.resolve().parent.name}, with {p.name}," for p in files if p.name == bag_storage.METADATA
-    ]:
-        return "bag", f"{found[0]} is a bag"
+    bags = [p.name for p in files if bag_storage.is_bag(p)]
+    if bags := bags or [f"{p.resolve().parent.name}, with {p.name}," for p in files if p.name == bag_storage.METADATA]:
+        return "bag", f"{bags[0]} is a bag"
     if graph := ending.get(".pyfg") or ending.get(".fg"):
         return "pyfg", f"{graph} is a factor graph"
     if of_mrclam := next((p.name for p in files if mrclam.NAME.fullmatch(p.name)), ""):
