@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 from made_team import describe, write
 from scipy.integrate import quad
-from scipy.stats import norm
+from scipy.stats import norm, t
 from statsmodels.api import RLM
 from statsmodels.robust.norms import HuberT
 from statsmodels.robust.scale import HuberScale
 
-from cooploc.estimators.robust import penalty
+from cooploc.estimators.robust import DEGREES, penalty
 from cooploc.scenarios import resolve
 from cooploc.scenarios.recordings import fit
-from cooploc.scenarios.recordings.fit import K, Residuals, huber
-from cooploc.scenarios.recordings.fit_choice import SPREADS, crps, is_no_worse
+from cooploc.scenarios.recordings.fit import K, LinkResiduals, Residuals, huber
+from cooploc.scenarios.recordings.fit_choice import SPREADS, HeldOut, choose_loss, crps, is_no_worse
 
 
 def residuals(rng, links=3, ticks=2000, burst=None):
@@ -118,6 +118,16 @@ def test_the_density_of_a_loss_integrates_to_one(loss):
     )
 
 
+@pytest.mark.parametrize(("density", "expected"), [(norm, "none"), (t(2), "student")])
+def test_the_loss_is_that_of_the_density_that_predicts_best_and_its_gain_is_in_log_likelihood(density, expected):
+    parts = [density.rvs(size=300, random_state=k) for k in range(5)]
+    links = [LinkResiduals("range", "m", "red - blue", False, 1 + 0 * z, 0.2 * z, 0.2) for z in parts]
+    loss, why = choose_loss([HeldOut(None, None, None, [link]) for link in links], "runs")
+    gain = np.mean([(t(DEGREES).logpdf(z) - norm.logpdf(z)).mean() for z in parts])
+    assert loss == expected
+    assert expected == "none" or f"log-likelihood {gain:+.2g} a reading" in why
+
+
 def with_late_signals(path):
     head, *lines = path.read_text().splitlines()
     cells = [line.rsplit(",", 1) for line in lines]
@@ -143,3 +153,6 @@ def test_outliers_make_the_fit_and_the_loss_robust_and_the_sentence_has_the_scor
     heavy = resolve("log/judged", tmp_path).model
     assert heavy.judged_run.loss == heavy.world().sensors["radio_range"].loss != "none"
     assert f"loss={heavy.judged_run.loss}" in heavy.judged_run.choice
+    describe(tmp_path, ('on = "first part"\nseconds = 60.0', 'on = "other runs"\nloss = "none"'))  # what is said counts
+    assert resolve("log/judged", tmp_path).model.judged_run.loss == "none"
+    assert resolve("log/judged", tmp_path, loss="huber").model.judged_run.loss == "huber"

@@ -24,6 +24,8 @@ from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Belief, Senses, World
 from cooploc.estimators.models import Range, Unicycle, wrap
 from cooploc.scenarios import resolve
+from cooploc.scenarios.recordings.fit import team_models
+from cooploc.scenarios.recordings.fit_choice import HeldOut, held_out_error
 from cooploc.scenarios.stream import Air, Stream
 
 ANY = {"anchor_reading": "any", "reading": "any"}
@@ -73,6 +75,18 @@ def test_the_models_that_made_the_data_are_recovered(long):
     assert models["range_bias"]["red - blue"] == pytest.approx(BIAS, abs=0.01)
     assert models["fitted_on"] == "its first 180 s, which are not judged"
     assert stream.time[0] == pytest.approx(1_700_000_000.003 + 180 + TICK, abs=1e-6)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("tick", [0.1, 2.0])
+def test_models_of_odometry_are_scored_by_the_crps_of_a_gaussian_for_any_tick(long, tick):
+    """Of errors with the standard deviation sigma that a forecast says, it is sigma/sqrt(pi) on average."""
+    run = resolve("log/all", long).model.at([0]).judged_run
+    how = run.how._replace(tick=tick, robust=False)
+    models = team_models(run.log, run.parts, how)
+    sigma = np.sqrt(models.motion.sigma_v * models.motion.sigma_omega * tick)  # geometric mean, of a root of a second
+    score = held_out_error(run.log, HeldOut(run.parts[0], how, models, []))
+    assert score == pytest.approx(sigma / np.sqrt(np.pi), rel=0.1)
 
 
 @pytest.mark.slow
