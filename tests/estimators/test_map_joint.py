@@ -6,6 +6,7 @@ from oracles import PLACES, dense_posterior, linear_team, measure_anchor_ranges,
 from scipy.optimize import least_squares
 
 import cooploc as cl
+from cooploc.estimators import kalman_window
 
 TICKS = 8
 
@@ -25,8 +26,10 @@ def test_where_all_is_linear_it_is_the_exact_posterior_for_any_window(window):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("anchors", ["rssi", "range"])
-def test_with_the_whole_past_in_its_window_it_is_the_least_squares_of_the_whole_path(anchors):
-    """Every misfit written down, and minimised by scipy from the truth."""
+def test_with_the_whole_past_in_its_window_it_is_the_least_squares_of_the_whole_path(anchors, monkeypatch):
+    """Every misfit written down, and minimised by scipy from the truth; their squares add up to what is minimised."""
+    cost, windows = kalman_window.cost, []
+    monkeypatch.setattr(kalman_window, "cost", lambda s: windows.append(s) or cost(s))
     truth, stream = cl.simulate("packet-drop/drop=0.5", trials=2, seed=4, robots=3, ticks=TICKS, prior_sigma=0.3)
     stream = measure_anchor_ranges(truth, stream) if anchors == "range" else stream
     trace = cl.run({"map": cl.make("map-joint", window=TICKS, iterations=60)}, stream).traces["map"]
@@ -40,6 +43,9 @@ def test_with_the_whole_past_in_its_window_it_is_the_least_squares_of_the_whole_
         P = np.linalg.inv(found.jac.T @ found.jac)[-6:, -6:].reshape(3, 2, 3, 2)
         np.testing.assert_allclose(trace.x[trial, -1], found.x.reshape(TICKS, 3, 2)[-1], atol=1e-6)
         np.testing.assert_allclose(trace.P[trial, -1], np.einsum("iaib->iab", P), rtol=1e-4, atol=1e-8)
+    moved = windows[-1]._replace(x=windows[-1].x + np.random.default_rng(5).normal(0, 0.5, truth.x.shape))
+    sums = [[np.sum(path_residuals(stream, k, s.x[k]) ** 2) for k in range(2)] for s in (windows[-1], moved)]
+    np.testing.assert_allclose(cost(moved) - cost(windows[-1]), np.diff(sums, axis=0)[0])
 
 
 @pytest.mark.slow

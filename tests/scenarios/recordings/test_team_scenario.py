@@ -26,6 +26,8 @@ from cooploc.estimators.models import Range, Unicycle, wrap
 from cooploc.scenarios import resolve
 from cooploc.scenarios.recordings.fit import team_models
 from cooploc.scenarios.recordings.fit_choice import HeldOut, held_out_error
+from cooploc.scenarios.recordings.scenario import start_belief
+from cooploc.scenarios.recordings.schema import Prior
 from cooploc.scenarios.stream import Air, Stream
 
 ANY = {"anchor_reading": "any", "reading": "any"}
@@ -212,8 +214,20 @@ def test_without_a_true_heading_it_must_be_said_what_robots_know(recorded, tmp_p
     motion = ("[fit]", '[prior]\nheading = "first motion"\nheading_sd = 0.2\n[fit]')
     truth, stream = cl.simulate("log/one", data=lab(recorded, tmp_path / "motion", SHORT, unknown, motion))
     assert (truth.x.shape[-1], stream.prior.x.shape[-1]) == (2, 3)
-    _, headed = cl.simulate("log/one", data=lab(recorded, tmp_path / "headed", SHORT))
+    known, headed = cl.simulate("log/one", data=lab(recorded, tmp_path / "headed", SHORT))
     assert np.abs(wrap(stream.prior.x[0, :, 2] - headed.prior.x[0, :, 2])).max() < 0.2
+    assert known.x.shape[-1] == 3
+    np.testing.assert_array_equal(known.x[..., :2], truth.x)
+
+
+def test_a_robot_that_stands_shows_no_heading_by_its_first_motion():
+    poses = np.zeros((50, 2, 3))
+    poses[:, 0, 1] = np.linspace(0, 2, 50)  # blue stands
+    declared = Prior(heading="first motion", heading_sd=0.2)
+    belief, source = start_belief(ROBOTS, "one", declared, np.array(ARENA), poses, np.zeros((49, 2)))
+    np.testing.assert_allclose(belief.x[0, :, 2], [np.pi / 2, 0])
+    np.testing.assert_allclose(belief.P[0, :, 2, 2], [0.2**2, np.pi**2 / 3])
+    assert source.endswith("; unknown of blue, which hardly moved")
 
 
 @pytest.mark.slow
