@@ -136,6 +136,14 @@ def test_tuning_simulates_no_reported_stream(tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("which", ["shipped", "tuned"])
+def test_the_table_ranks_the_estimators_of_each_scenario_by_their_error(found, which):
+    for _, part in found[0].table.groupby("scenario"):
+        rmse = part[f"rmse_{which}"].to_numpy()
+        assert part[f"rank_{which}"].tolist() == [1 + (rmse < one).sum() for one in rmse]
+
+
+@pytest.mark.slow
 def test_the_result_is_a_study_that_runs_and_gives_the_same_bits(found, tmp_path):
     tuning, out = found
     assert load(str(out / "tuned.toml")).seed == STUDY.seed

@@ -132,6 +132,19 @@ def test_a_topic_that_does_not_fit_is_one_line(tmp_path, old, new, said):
         bags.read_run(path, "team", load(tmp_path, DESCRIPTION.replace(old, new, 1)))
 
 
+def test_of_three_robots_a_reading_must_say_whom_it_measured(tmp_path):
+    text = DESCRIPTION.split("[[ranges]]")[0].replace('"blue"]', '"blue", "green"]')
+    for topic in ("/{robot}/odom", "/mocap/{robot}"):
+        red, blue = (topic.format(robot=robot) for robot in ("red", "blue"))
+        text = text.replace(f'topic = "{topic}"', f'topics = {{ red = "{red}", blue = "{blue}", green = "{blue}" }}')
+    text += '[ranges]\ntopic = "/uwb/{robot}/blue"\nrange = "range"\n'
+    path, _ = made_bag(tmp_path, "mcap")
+    with pytest.raises(BadInput, match="topic /uwb/red/blue does not say what was measured"):
+        bags.read_run(path, "team", load(tmp_path, text))
+    named = bags.read_run(path, "team", load(tmp_path, f'{text}other = "header.frame_id"\n'))
+    assert named.warnings == ("/uwb/red/blue: left out 20 readings of '': neither a robot of the team nor a place",)
+
+
 def test_each_bag_in_a_directory_is_a_run_and_a_directory_of_bags_is_one(tmp_path):
     made_bag(tmp_path, "ros1")
     (tmp_path / "each").mkdir()
