@@ -24,7 +24,8 @@ DROPS = [f"packet-drop/drop={d}" for d in ("0", "0.5", "0.9")]
 
 @pytest.fixture(scope="module")
 def swept():
-    return pd.concat([rows_of(label, SWEEP, bounds=("omniscient",)) for label in DROPS], ignore_index=True)
+    rows = pd.concat([rows_of(label, SWEEP, bounds=("omniscient",)) for label in DROPS], ignore_index=True)
+    return rows.assign(messages=(rows["estimator"] != "base") * 1.0)
 
 
 @pytest.fixture(scope="module")
@@ -69,6 +70,9 @@ def test_contents_come_first_then_the_answer_and_a_sweep_is_said_with_intervals(
         "packet-drop/drop=0, good: 2 of the planned trials are missing",
     ):
         assert words in source
+    known = re.findall(r"<dt>Knows</dt><dd>(.*?)(?:: a bound.*)?</dd>", source)
+    own, every = "its own readings, and {}", "every reading of every robot"
+    assert known == [own.format("nothing of teammates"), *[own.format("what teammates send")] * 2, every, known[1]]
 
 
 def test_the_tables_on_disk_hold_the_numbers_of_the_page(written, swept):
