@@ -66,10 +66,10 @@ def solve_relative(
     rows = np.flatnonzero((kind == FINE) & ~np.logical_or.reduce(absent))
     if rows.size == 0 or R.shape[-1] == 0:
         return solution
-    P, H, R, U = P_i[rows], H_i[rows], R[rows], symmetric(H_j @ P_j @ H_j.mT)[rows]
+    P, H, R, U = P_i[rows], H_i[rows], readable(R[rows]), symmetric(H_j @ P_j @ H_j.mT)[rows]
     w, one_number = np.empty(len(rows)), H.shape[1] == 1 and block == 2 <= H.shape[2]
     scalar = ~H[..., 2:].any((1, 2)) if one_number else np.zeros(len(rows), bool)
-    _scalar_weights(readable(P), readable(H), readable(U), readable(R), criterion == "trace", scalar, w)
+    _scalar_weights(readable(P), readable(H), readable(U), R, criterion == "trace", scalar, w)
     if solver == "cvxpy" or not scalar.all():
         z, axes = (*_whiten(P, H, U, R, block, rows), criterion == "trace", block), (0,) * P.shape[-1]
         search_weights(*z, scalar, w, axes)

@@ -112,7 +112,7 @@ class EkfInterim:
         """
         if self.engine == "filterpy":
             return _update_by_filterpy(s, a, y, at, R, heard, self.gate)
-        reading = y.copy(), np.stack(list(at.values()), 1), R
+        reading = y.copy(), np.ascontiguousarray(np.stack(list(at.values()), 1)), R
         used: Mask = master(s[:5], a, np.array(list(at)), reading, heard.copy(), self.gate)
         return used
 

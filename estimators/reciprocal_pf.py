@@ -111,6 +111,7 @@ class ReciprocalPf:
         low, high = s.world.arena
         near = (np.abs(drawn - (low + high) / 2) < FAR * np.max(high - low)).all(-1, keepdims=True)
         x[again, :2] = np.where(near, drawn, x[again, :2])
+        x, logw = (each.astype(s.x.dtype, copy=False) for each in (x, logw))  # as they are kept
         belief = summary(x, logw) if self.report == "after" else s.belief
         row, part = heard[:, None], heard[:, None, None]
         belief = Belief(np.where(row, belief.x, s.belief.x), np.where(part, belief.P, s.belief.P))
