@@ -53,6 +53,17 @@ def test_exact_filters_are_the_dense_posterior_of_all_they_read(label, options, 
     assert_dense(got, stream, relative=label != "ekf-local")
 
 
+@pytest.mark.parametrize("reading", ["range", "rssi"])
+def test_one_reading_a_tick_is_used_alike_in_turn_and_together(reading):
+    """Robot 0 hears robot 1, and nobody reads anchors: the order of readings is nothing."""
+    _, stream = simulate("robots-1-3/n=2[prior_sigma=1.0]", trials=3, seed=6, ticks=12)
+    link = stream.air.link & np.array([[False, True], [False, False]])
+    stream = stream.replace_arrays({"air.link": link})
+    alike = {"anchor_reading": "none", "reading": reading, "gate": np.inf}
+    batch, turns = (trace("a", make("ekf-joint", update=how, **alike), stream) for how in ("batch", "sequential"))
+    assert_near(turns, batch)
+
+
 def test_luft_is_exact_for_two_robots_without_private_readings():
     stream = drop_landmarks(linear_team(seed=22, trials=2, robots=2, ticks=6)[1])
     assert_dense(trace("luft", make("ekf-luft", gate=np.inf), stream), stream)
