@@ -122,7 +122,8 @@ def test_the_compiled_chain_is_the_steps_one_by_one(reading, criterion, d):
         np.testing.assert_array_equal(chained.P[row], before.P[row])
 
 
-def test_what_is_received_is_never_fed_back_nor_sent_on():
+@pytest.mark.parametrize("label", ["trajectory", "no-compass/n=3"])
+def test_what_is_received_is_never_fed_back_nor_sent_on(label):
     """Packets are those of a robot that hears no other."""
     sent = {0.0: [], 1.0: []}
     for drop, packets in sent.items():
@@ -133,7 +134,7 @@ def test_what_is_received_is_never_fed_back_nor_sent_on():
                 packets.append(result)
             return result
 
-        _, stream = cl.simulate("trajectory", trials=2, seed=5, ticks=20, drop=drop)
+        _, stream = cl.simulate(label, trials=2, seed=5, ticks=20, drop=drop)
         trace("ctrn", cl.make("ctrn", fusion="received", **SMALL), stream, watch)
     np.testing.assert_array_equal(sent[0.0], sent[1.0])
 
