@@ -41,6 +41,7 @@ from cooploc.scenarios.recordings.team_log import Series
 from cooploc.scenarios.recordings.text_files import is_text
 
 RANGE, IMU = "sensor_msgs/msg/Range", "sensor_msgs/msg/Imu"
+FRAME = "header.frame_id"
 # Usual types that are read by their fields.
 OF_FIELDS = ("tf2_msgs/msg/TFMessage", "geometry_msgs/msg/Vector3Stamped", "sensor_msgs/msg/NavSatFix", IMU)
 SPEED = {"Odometry": "twist.twist.linear.x", "TwistWithCovarianceStamped": "twist.twist.linear.x"}
@@ -91,16 +92,19 @@ def bag_draft(path: Path) -> Draft:
     tables = _odometry(wheels, series, of_fields, gyroscopes)
     tables += [_truth(truth, series)] if truth else _truth_of_fields(of_fields, robots)
     tables += _ranges(numbers, robots, truth, series)
-    in_bag, beside = {table.name for table in tables}, Draft(())
+    of_one = _topics_of_one({t: kind for t, kind in numbers.items() if not _tables_of(t, tables, robots)}, robots)
+    in_bag, beside = {table.name for table in (*tables, *_tables_of_numbers(of_one, series))}, Draft(())
     for home in text_folders(runs[0]):
         below = home.rglob("*") if path.is_dir() and home.is_relative_to(path) else home.glob("*")
         texts = [p for p in sorted(below) if is_text(p)]
         beside = beside if beside.tables else tables_beside_bag(home, texts, robots, in_bag)
-    tables += beside.tables
-    fixed = [name for table in tables if table.name in ("anchors", "landmarks") for name in table.entries[0].value]
+    fixed = [one for table in beside.tables if table.name in ("anchors", "landmarks") for one in table.entries[0].value]
     nameless = [t for t in numbers if numbers[t] == RANGE and not _tables_of(t, tables, robots)]
-    of_fields |= _ranges_by_frame(read_fields(whole, nameless) if nameless else {}, robots, fixed)
-    tables += _readings_of_fields(of_fields, robots, fixed)
+    framed = {t: table_of_fields(t, f) for t, f in (read_fields(whole, nameless) if nameless else {}).items()}
+    by_frame = _ranges_by_frame(framed, robots, fixed)
+    if not any(t in by_frame or len(framed[t].names(FRAME)) > 1 for t in of_one if t in framed):
+        tables += _tables_of_numbers(of_one, series)  # what each measured is its only teammate
+    tables += [*beside.tables, *_readings_of_fields(of_fields | by_frame, robots, fixed)]
     seen = pairs_of_robots([name for name in poses if SEEN & {*words_of(name)}], robots, "range")
     why = "poses in topics with the names of two robots, in the axes of the first"
     tables += [DraftTable("sightings", (Entry("topic", p, why, "likely"),)) for p in dict.fromkeys(seen.values())]
@@ -110,7 +114,7 @@ def bag_draft(path: Path) -> Draft:
     why = f"what differs between topics of odometry{' with a truth' * bool(truth)}"
     entries = Entry("format", "bag", "a ROS bag"), Entry("robots", robots, why, "likely")
     used = {t.name: ", ".join(of) for t in every if (of := _tables_of(t.name, tables, robots))}
-    columns, unused = _topic_rows(every, found, used)
+    columns, unused = _topic_rows(every, found, used, {t: table.names(FRAME) for t, table in framed.items()})
     if not has_truth:
         unused.insert(0, "truth, as no pose has the name or number of a robot with odometry, nor a text file beside")
     return Draft(entries, tuple(tables), (*beside.columns, *columns), (*beside.unused, *unused))
@@ -132,9 +136,12 @@ def _truth_topics(wheels: Collection[str], poses: Sequence[str], states: Collect
 
 
 def _topic_rows(
-    every: Sequence[TopicInfo], known: Collection[str], used: Mapping[str, str]
+    every: Sequence[TopicInfo], known: Collection[str], used: Mapping[str, str], frames: Mapping[str, Sequence[str]]
 ) -> tuple[list[tuple[str, str, str, str]], list[str]]:
-    """Return a row for each topic that is `known` or `used`, and lines on those that are not used."""
+    """Return a row for each topic that is `known` or `used`, and lines on those that are not used.
+
+    `frames` are those of ranges that do not say otherwise what was measured.
+    """
     columns, unused = list[tuple[str, str, str, str]](), list[str]()
     for t in every:
         if t.name not in known and t.name not in used:
@@ -143,6 +150,10 @@ def _topic_rows(
         columns.append((t.name, form, used.get(t.name, "not used"), rate))
         if t.name not in used:
             more = ": does not say what was measured; write {other} for its name" if t.type == RANGE else ""
+            if len(names := frames.get(t.name, ())) > 1:
+                some = ", ".join(names[:5]) + ", ..." * (len(names) > 5)
+                more = f": of frames {some}, whose places are not known; if these are anchors, write their id, x, y"
+                more += " into anchors.csv beside"
             unused.append(f"{t.name} ({form}, {t.messages}){more}")
     strange = [t for t in every if not t.columns and t.name not in used]
     of_readings = {t.name for t in strange if name_meaning(t.name)[0] in ("range", "rssi")}  # also in a std_msgs/String
@@ -349,13 +360,13 @@ def _reading_columns(topic: str, table: CsvTable, place: str) -> dict[str, dict[
 
 
 def _ranges_by_frame(
-    messages: Mapping[str, Mapping[str, Sequence[object]]], robots: Sequence[str], fixed: Sequence[str]
+    tables: Mapping[str, CsvTable], robots: Sequence[str], fixed: Sequence[str]
 ) -> dict[str, CsvTable]:
     """Return the fields of sensor_msgs/Range in robots' own topics where the frames are what was measured."""
     found = {}
-    for topic, fields in messages.items():
-        table, own = table_of_fields(topic, fields), next((robot for robot in robots if robot in topic), "")
-        named = {part for word in table.names("header.frame_id") for part in word.split("/")}
+    for topic, table in tables.items():
+        own = next((robot for robot in robots if robot in topic or len(robots) == 1), "")
+        named = {part for word in table.names(FRAME) for part in word.split("/")}
         if own and own not in named and named & {*robots, *fixed}:  # sonar_1 is of no robot
             why = "the frames of its headers are robots or places"
             guesses = (g._replace(quantity="other", reason=why) if "frame_id" in g.column else g for g in table.guesses)
@@ -415,19 +426,26 @@ def _turns_as_stated(series: TopicSeries) -> bool:
 def _ranges(
     numbers: Mapping[str, str], robots: Sequence[str], truth: Mapping[str, str], series: Mapping[str, TopicSeries]
 ) -> list[DraftTable]:
-    """Return ranges and RSSI in topics of one number, by the names of two robots, or of two radios, or of one of two.
+    """Return ranges and RSSI in topics of one number, by the names of two robots or of two radios.
 
     `numbers` are their types.
     """
-    named, found = pairs_of_robots(numbers, robots), list[DraftTable]()
+    named = pairs_of_robots(numbers, robots)
     radios = {p: t for t in numbers if t not in named and "Int" not in numbers[t] and (p := _pair(t))}
-    if radios:
-        found.append(_ranges_of_radios(radios, truth, series))
-    left = [t for t in numbers if t not in (*named, *radios.values())]
-    left = [t for t in left if numbers[t] == RANGE or name_meaning(t)[0] in ("range", "rssi")]
-    of_one = {t: t.replace(robot, "{robot}") for robot in robots if (t := _topic_about(robot, left)) and robot in t}
-    if len(robots) == len(of_one) == 2 and len({*of_one.values()}) == 1:
-        named |= of_one  # what it measured is its only teammate
+    found = [_ranges_of_radios(radios, truth, series)] if radios else []
+    return found + _tables_of_numbers(named, series)
+
+
+def _topics_of_one(numbers: Mapping[str, str], robots: Sequence[str]) -> dict[str, str]:
+    """Return the topics of ranges that have the name of one of two robots, and the pattern of both."""
+    left = [t for t in numbers if numbers[t] == RANGE or name_meaning(t)[0] in ("range", "rssi")]
+    found = {t: t.replace(robot, "{robot}") for robot in robots if (t := _topic_about(robot, left)) and robot in t}
+    return found if len(robots) == len(found) == 2 and len({*found.values()}) == 1 else {}
+
+
+def _tables_of_numbers(named: Mapping[str, str], series: Mapping[str, TopicSeries]) -> list[DraftTable]:
+    """Return ranges and RSSI of each pattern of topics, with their unit."""
+    found = list[DraftTable]()
     for pattern in dict.fromkeys(named.values()):
         is_rssi = name_meaning(pattern)[0] == "rssi"
         values = np.concatenate([series[t].values[:, 0] for t, p in named.items() if p == pattern])

@@ -241,6 +241,31 @@ def test_a_field_may_say_who_measured_and_the_teammate_follows(tmp_path):
         inspect_recording(tmp_path)
 
 
+@pytest.mark.parametrize("team", [ROBOTS, ("red",)])
+def test_anchors_in_a_file_beside_a_bag_are_those_that_its_ranges_name(tmp_path, team):
+    files, places = two_robots(seconds=40), {"A1": (0.0, 0.0), "A2": (8.0, 8.0)}
+    own, name = "/{}" * (len(team) > 1), "sensor_msgs/msg/Range"
+    made = [one for kind in ("odometry", "truth") for one in USUAL[kind](files)]
+    made = [
+        (topic.replace("/red/odom", "/odom") if not own else topic, *one)
+        for topic, *one in made
+        if "red" in topic or own
+    ]
+    for robot in team:
+        for t, x, y, _ in zip(*files[f"truth_{robot}.csv"].values(), strict=True):
+            away = {name: np.hypot(x - a, y - b) for name, (a, b) in places.items()}
+            made += [(f"{own}/uwb".format(robot), name, t, {"range": d, "header.frame_id": n}) for n, d in away.items()]
+    write_messages(tmp_path / "team", made)
+    said = "/uwb (Range, 800): of frames A1, A2, whose places are not known; if these are anchors, write their id, x, y"
+    assert [line for line in inspect_recording(tmp_path).unused if f"{said} into anchors.csv beside" in line]
+    lines = ["id,x,y", *(f"{name},{x},{y}" for name, (x, y) in places.items())]
+    (tmp_path / "anchors.csv").write_text("\n".join([*lines, ""]))
+    found = inspect_recording(tmp_path)
+    assert (list(found.log.readings), found.log.anchors.names) == (["anchor_range"], ("A1", "A2"))
+    assert (len(found.log.robots), {*found.log.readings["anchor_range"].other}) == (len(team), {0, 1})
+    assert found.findings == ()
+
+
 def test_elements_of_an_array_are_of_whom_log_toml_says(tmp_path):
     files, name = two_robots(seconds=40), "std_msgs/msg/Float64MultiArray"
     made = [one for kind in ("odometry", "truth") for one in USUAL[kind](files)]
