@@ -33,6 +33,7 @@ from cooploc.scenarios.recordings.inspect.naming import (
     match_names,
     name_meaning,
     pairs_of_robots,
+    pairs_with_places,
     words_of,
 )
 from cooploc.scenarios.recordings.inspect.table_parts import first_columns
@@ -92,19 +93,16 @@ def bag_draft(path: Path) -> Draft:
     tables = _odometry(wheels, series, of_fields, gyroscopes)
     tables += [_truth(truth, series)] if truth else _truth_of_fields(of_fields, robots)
     tables += _ranges(numbers, robots, truth, series)
-    of_one = _topics_of_one({t: kind for t, kind in numbers.items() if not _tables_of(t, tables, robots)}, robots)
-    in_bag, beside = {table.name for table in (*tables, *_tables_of_numbers(of_one, series))}, Draft(())
+    in_bag, beside = {table.name for table in tables}, Draft(())
     for home in text_folders(runs[0]):
         below = home.rglob("*") if path.is_dir() and home.is_relative_to(path) else home.glob("*")
         texts = [p for p in sorted(below) if is_text(p)]
         beside = beside if beside.tables else tables_beside_bag(home, texts, robots, in_bag)
     fixed = [one for table in beside.tables if table.name in ("anchors", "landmarks") for one in table.entries[0].value]
-    nameless = [t for t in numbers if numbers[t] == RANGE and not _tables_of(t, tables, robots)]
-    framed = {t: table_of_fields(t, f) for t, f in (read_fields(whole, nameless) if nameless else {}).items()}
-    by_frame = _ranges_by_frame(framed, robots, fixed)
-    if not any(t in by_frame or len(framed[t].names(FRAME)) > 1 for t in of_one if t in framed):
-        tables += _tables_of_numbers(of_one, series)  # what each measured is its only teammate
-    tables += [*beside.tables, *_readings_of_fields(of_fields | by_frame, robots, fixed)]
+    left = {t: kind for t, kind in numbers.items() if not _tables_of(t, tables, robots)}
+    of_numbers, by_frame, frames = _readings_of_one(whole, left, series, robots, fixed)
+    tables += [*of_numbers, *(one for one in beside.tables if one.name not in {table.name for table in of_numbers})]
+    tables += _readings_of_fields(of_fields | by_frame, robots, fixed)
     seen = pairs_of_robots([name for name in poses if SEEN & {*words_of(name)}], robots, "range")
     why = "poses in topics with the names of two robots, in the axes of the first"
     tables += [DraftTable("sightings", (Entry("topic", p, why, "likely"),)) for p in dict.fromkeys(seen.values())]
@@ -114,7 +112,7 @@ def bag_draft(path: Path) -> Draft:
     why = f"what differs between topics of odometry{' with a truth' * bool(truth)}"
     entries = Entry("format", "bag", "a ROS bag"), Entry("robots", robots, why, "likely")
     used = {t.name: ", ".join(of) for t in every if (of := _tables_of(t.name, tables, robots))}
-    columns, unused = _topic_rows(every, found, used, {t: table.names(FRAME) for t, table in framed.items()})
+    columns, unused = _topic_rows(every, found, used, frames)
     if not has_truth:
         unused.insert(0, "truth, as no pose has the name or number of a robot with odometry, nor a text file beside")
     return Draft(entries, tuple(tables), (*beside.columns, *columns), (*beside.unused, *unused))
@@ -436,11 +434,32 @@ def _ranges(
     return found + _tables_of_numbers(named, series)
 
 
-def _topics_of_one(numbers: Mapping[str, str], robots: Sequence[str]) -> dict[str, str]:
-    """Return the topics of ranges that have the name of one of two robots, and the pattern of both."""
-    left = [t for t in numbers if numbers[t] == RANGE or name_meaning(t)[0] in ("range", "rssi")]
-    found = {t: t.replace(robot, "{robot}") for robot in robots if (t := _topic_about(robot, left)) and robot in t}
-    return found if len(robots) == len(found) == 2 and len({*found.values()}) == 1 else {}
+def _readings_of_one(
+    whole: Path, numbers: Mapping[str, str], series: Mapping[str, TopicSeries], robots: Sequence[str], fixed: list[str]
+) -> tuple[list[DraftTable], dict[str, CsvTable], dict[str, list[str]]]:
+    """Return the readings in topics of one number that name no two robots: of `fixed` places, or of the only teammate.
+
+    The fields of those where a frame is what was measured are the second, and the frames of each topic the third.
+    """
+    left = [t for t, kind in numbers.items() if kind == RANGE or name_meaning(t)[0] in ("range", "rssi")]
+    of_places = pairs_with_places(left, robots, fixed)
+    nameless = [t for t in left if numbers[t] == RANGE and t not in of_places]
+    framed = {t: table_of_fields(t, f) for t, f in (read_fields(whole, nameless) if nameless else {}).items()}
+    by_frame, frames = _ranges_by_frame(framed, robots, fixed), {t: one.names(FRAME) for t, one in framed.items()}
+    of_mate = [t for t in left if t not in (*of_places, *by_frame) and len(frames.get(t, ())) < 2]
+    return _tables_of_numbers(of_places | _topics_of_one(of_mate, robots), series), by_frame, frames
+
+
+def _topics_of_one(left: Sequence[str], robots: Sequence[str]) -> dict[str, str]:
+    """Return the pattern of ranges, and of RSSI, where each of two robots has one topic: it measured its teammate."""
+    found = dict[str, str]()
+    for is_rssi in (False, True):
+        kind = [t for t in left if (name_meaning(t)[0] == "rssi") == is_rssi]
+        each = {robot: [t for t in kind if _topic_about(robot, [t]) and robot in t] for robot in robots}
+        patterns = {t.replace(robot, "{robot}") for robot, own in each.items() for t in own}
+        if len(robots) == 2 and len(patterns) == 1 and all(len(own) == 1 for own in each.values()):
+            found |= {own[0]: pattern for own in each.values() for pattern in patterns}
+    return found
 
 
 def _tables_of_numbers(named: Mapping[str, str], series: Mapping[str, TopicSeries]) -> list[DraftTable]:

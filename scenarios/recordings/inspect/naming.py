@@ -4,7 +4,7 @@ import re
 import tomllib
 from collections.abc import Iterable, Sequence
 from importlib.resources import files as resources
-from itertools import pairwise, permutations
+from itertools import pairwise, permutations, product
 from unicodedata import normalize
 
 from cooploc.scenarios.recordings.schema import UNITS
@@ -147,6 +147,22 @@ def pairs_of_robots(names: Iterable[str], robots: Sequence[str], quantity: str =
         p.replace("{robot}", r).replace("{other}", r): p for p in {*found.values()} for r in robots
     }  # d11 beside d12
     return found | {name: own[name] for name in names if name in own}
+
+
+def pairs_with_places(names: Iterable[str], robots: Sequence[str], places: Sequence[str]) -> dict[str, str]:
+    """Return patterns of names with a robot and a place: /red/range_to/A1 is /{robot}/range_to/{other}.
+
+    Of one robot alone its name need not be there. A pattern counts where it fits two places, if there are two.
+    """
+    found, fitting = dict[str, str](), dict[str, set[str]]()
+    for name, robot, place in product(names, robots, places):
+        whole, sign = re.escape(place), r"\d" if place.isdigit() else "[A-Za-z0-9]"
+        pattern = re.sub(rf"(?<![A-Za-z0-9]){re.escape(robot)}(?![A-Za-z0-9])", "{robot}", name)
+        other = re.sub(rf"(?<!{sign}){whole}(?!{sign})", "{other}", pattern)
+        if other != pattern and ("{robot}" in pattern or len(robots) == 1):
+            found[name] = other
+            fitting.setdefault(other, set()).add(place)
+    return {name: pattern for name, pattern in found.items() if len(fitting[pattern]) >= min(2, len(places))}
 
 
 def numbers_of(robots: Iterable[str]) -> dict[str, str]:

@@ -241,24 +241,33 @@ def test_a_field_may_say_who_measured_and_the_teammate_follows(tmp_path):
         inspect_recording(tmp_path)
 
 
+SIGHT = "lab_msgs/msg/Sight"
+OF_ANCHORS = {  # (topic, type, fields) of a robot's distance d from the anchor a
+    "frames": lambda own, a, d: (f"{own}/uwb", "sensor_msgs/msg/Range", {"range": d, "header.frame_id": a}),
+    "topics": lambda own, a, d: (f"{own}/range_to/{a}", "sensor_msgs/msg/Range", {"range": d}),
+    "floats": lambda own, a, d: (f"{own}/{a}/distance", "std_msgs/msg/Float64", {"data": d}),
+    "fields": lambda own, a, d: (f"{own}/wifi", SIGHT, {"ap": a, "distance": d}),
+}
+
+
 @pytest.mark.parametrize("team", [ROBOTS, ("red",)])
-def test_anchors_in_a_file_beside_a_bag_are_those_that_its_ranges_name(tmp_path, team):
-    files, places = two_robots(seconds=40), {"A1": (0.0, 0.0), "A2": (8.0, 8.0)}
-    own, name = "/{}" * (len(team) > 1), "sensor_msgs/msg/Range"
+@pytest.mark.parametrize("form", OF_ANCHORS)
+def test_anchors_in_a_file_beside_a_bag_are_those_that_its_ranges_name(tmp_path, form, team):
+    """Of two robots none is taken for its only teammate's; a robot alone needs no name in topics."""
+    files, places, alone = two_robots(seconds=40), {"A1": (0.0, 0.0), "A2": (8.0, 8.0)}, len(team) == 1
     made = [one for kind in ("odometry", "truth") for one in USUAL[kind](files)]
-    made = [
-        (topic.replace("/red/odom", "/odom") if not own else topic, *one)
-        for topic, *one in made
-        if "red" in topic or own
-    ]
+    made = [(t.replace("/red/odom", "/odom"), *one) for t, *one in made if "red" in t] if alone else made
     for robot in team:
         for t, x, y, _ in zip(*files[f"truth_{robot}.csv"].values(), strict=True):
-            away = {name: np.hypot(x - a, y - b) for name, (a, b) in places.items()}
-            made += [(f"{own}/uwb".format(robot), name, t, {"range": d, "header.frame_id": n}) for n, d in away.items()]
-    write_messages(tmp_path / "team", made)
-    said = "/uwb (Range, 800): of frames A1, A2, whose places are not known; if these are anchors, write their id, x, y"
-    assert [line for line in inspect_recording(tmp_path).unused if f"{said} into anchors.csv beside" in line]
-    lines = ["id,x,y", *(f"{name},{x},{y}" for name, (x, y) in places.items())]
+            for anchor, (a, b) in places.items():
+                topic, kind, fields = OF_ANCHORS[form]("" if alone else f"/{robot}", anchor, np.hypot(x - a, y - b))
+                made.append((topic, kind, t, fields))
+    definition = {SIGHT: "std_msgs/Header header\nstring ap\nfloat64 distance"}
+    write_messages(tmp_path / "team", made, definition)
+    if form == "frames":
+        said = "/uwb (Range, 800): of frames A1, A2, whose places are not known; if these are anchors, write their id"
+        assert [line for line in inspect_recording(tmp_path).unused if f"{said}, x, y into anchors.csv beside" in line]
+    lines = ["id,x,y", *(f"{anchor},{x},{y}" for anchor, (x, y) in places.items())]
     (tmp_path / "anchors.csv").write_text("\n".join([*lines, ""]))
     found = inspect_recording(tmp_path)
     assert (list(found.log.readings), found.log.anchors.names) == (["anchor_range"], ("A1", "A2"))

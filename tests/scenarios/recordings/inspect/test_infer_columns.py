@@ -6,7 +6,7 @@ import pytest
 from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.recordings.inspect.columns import read_csv
 from cooploc.scenarios.recordings.inspect.csv_draft import list_columns
-from cooploc.scenarios.recordings.inspect.naming import file_pattern, name_meaning, pattern_of_mates
+from cooploc.scenarios.recordings.inspect.naming import file_pattern, name_meaning, pairs_with_places, pattern_of_mates
 from cooploc.scenarios.recordings.inspect.table_parts import parts_of
 
 LINES = 40
@@ -225,6 +225,19 @@ def test_what_differs_between_names_of_files_is_the_robot(files, pattern, robots
 )
 def test_columns_of_each_teammate_have_a_pattern(columns, own, robots, pattern):
     assert pattern_of_mates(columns, own, robots) == pattern
+
+
+@pytest.mark.parametrize(
+    ("names", "places", "pattern"),
+    [
+        (["/red/anchor1/range", "/red/anchor2/range"], ["1", "2"], "/{robot}/anchor{other}/range"),
+        (["/A1/red/rssi", "/A2/red/rssi"], ["A1", "A2"], "/{other}/{robot}/rssi"),
+        (["/red/uwb2/range"], ["1", "2"], ""),  # 2 is a radio
+        (["/green/A1", "/green/A2"], ["A1", "A2"], ""),
+    ],
+)
+def test_topics_of_a_robot_and_each_place_have_a_pattern(names, places, pattern):
+    assert pairs_with_places(names, ("red", "blue"), places) == dict.fromkeys(names * bool(pattern), pattern)
 
 
 @pytest.mark.parametrize(
