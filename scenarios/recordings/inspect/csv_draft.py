@@ -99,12 +99,16 @@ def _name_mates(files: Sequence[CsvTable], robots: Sequence[str]) -> list[CsvTab
 
 
 def _name_readings(file: CsvTable, robots: Sequence[str], fixed: Sequence[str]) -> CsvTable:
-    """Return the file with its columns of two robots as patterns, and those named as places as readings of these."""
+    """Return the file with columns of two robots, or of one and a place, as patterns, and readings of places known."""
     _, own = naming.file_pattern([file.name], robots)
     about, numbers = naming.name_meaning(Path(file.name).stem)[0], [] if own else [*naming.numbers_of(robots)]
     pairs: dict[str, str] = {}
     for words in ([*robots], numbers) if not file.robots else ():
         pairs = pairs or naming.pairs_of_robots(file.columns, words, about)
+    unnamed = [g.column for g in file.guesses if not g.quantity and g.column not in fixed]
+    of_places = naming.pairs_with_places(unnamed, robots, () if own or file.is_nameless else fixed)
+    said = {c: pattern for c, pattern in of_places.items() if naming.name_meaning(pattern)[0] in ("range", "rssi")}
+    pairs |= said or (of_places if about in ("range", "rssi") else {})
     if pairs:
         file = file._replace(columns={pairs.get(c, c): values for c, values in file.columns.items()})
         file = file._replace(guesses=infer_columns(file))
@@ -117,12 +121,15 @@ def _name_readings(file: CsvTable, robots: Sequence[str], fixed: Sequence[str]) 
             guess = file.guesses[k]._replace(quantity="other", reason=f"its names are not {own[0]}, whose file it is")
             file = file._replace(guesses=(*file.guesses[:k], guess, *file.guesses[k + 1 :]))
     unknown = {*pairs.values()} - {g.column for g in file.guesses if g.quantity}
+    r = [c for c in unnamed if naming.words_of(c) in (["r"], ["rho"])] if own or len(robots) == 1 else []
+    numbered = {*r} if len(naming.match_names(r, fixed)) == len(r) > 1 else set()
     places = set() if file.is_nameless else {*fixed}  # there 1 is the first column, and not a place
-    of = [column for column in file.columns if column in places | unknown and len(file.numbers(column))]
+    of = [column for column in file.columns if column in places | unknown | numbered and len(file.numbers(column))]
     kind = "rssi" if any((file.numbers(column) < 0).all() for column in of) else "range"
     found = {}
     for c in of:
-        why = "its name is that of a place" if c in fixed else f"the names of two robots, in {file.name}"
+        why = "its name is that of a place" if c in fixed else f"the names of robots or places, in {file.name}"
+        why = "its number is that of a place" if c in numbered else why
         found[c] = Guess(c, kind, infer_unit(kind, "", file.numbers(c), np.inf)[0], "", why)
     return file._replace(guesses=tuple(found.get(g.column, g) for g in file.guesses))
 
@@ -389,7 +396,8 @@ def _whose(
         nodes |= naming.match_names([word for word in words if naming.clean_name(word) not in fixed], robots)
     if len(robots) == len(part.names("robot")) == 1 and not {*part.names("robot")} & {*nodes, *robots, *fixed}:
         nodes, why_nodes = {part.names("robot")[0]: robots[0]}, "the one that measured is the one robot"
-    pairs = naming.pairs_of_robots(files, robots) if part.table in READINGS else {}
+    pairs = naming.pairs_of_robots(files, robots) or naming.pairs_with_places(files, robots, fixed)
+    pairs = pairs if part.table in READINGS else {}
     if runs:
         file = Entry("file", f"{{run}}{Path(files[0]).suffix}", "a file for each run")
     elif any("{robot}" in g.column for g in columns.values()):

@@ -42,6 +42,10 @@ def names_by_values(columns: Mapping[str, Array | tuple[str, ...]], file: str) -
     One column of names says whose a pose is, or what was measured; two say who measured what.
     """
     numbers = {column: values for column, values in columns.items() if not isinstance(values, tuple)}
+    first, *rest = columns or ("",)
+    if {"anchors", "landmarks"} & {naming.OTHERS.get(word) for word in naming.words_of(Path(file).stem)}:
+        is_places = len(rest) in (2, 3) and {*rest} <= {*numbers} and len({*columns[first]}) == len(columns[first])
+        return dict(zip(columns, ("name", "x", "y", "z"), strict=False)) if is_places else {}
     rows = np.array([*numbers.values()]).T
     whole = rows[np.isfinite(rows).all(-1)] if len(numbers) else np.empty((0, 0))
     if len(whole) < 2:

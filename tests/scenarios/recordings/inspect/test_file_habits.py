@@ -286,3 +286,70 @@ def test_the_team_is_read_from_files_as_others_write_them(tmp_path, habit):
         np.testing.assert_allclose(log.odometry[k].values, np.transpose(u), atol=1e-6)
         np.testing.assert_allclose(log.truth[k].values[:, :2], np.transpose(pose[:2]), atol=1e-6)
         np.testing.assert_allclose(np.sin(log.truth[k].values[:, 2]), np.sin(pose[2]), atol=1e-6)
+
+
+PLACES = {"A1": (0.0, 0.0), "A2": (8.0, 0.0), "A3": (8.0, 8.0)}
+
+
+def away(files, robot, name="{}"):
+    """A robot's distances from the places, in columns called by their names, or by their numbers."""
+    t, x, y, _ = files[f"truth_{robot}.csv"].to_numpy(float).T
+    found = {name.format(place, place[1:]): np.hypot(x - a, y - b) for place, (a, b) in PLACES.items()}
+    return pd.DataFrame({"time": t, **found})
+
+
+def alone(files):
+    """The files of red, and anchors that are called 1, 2, 3."""
+    anchors = files["anchors.csv"].assign(id=[1, 2, 3])
+    return {"odom.csv": files["odom_red.csv"], "truth.csv": files["truth_red.csv"], "anchors.csv": anchors}
+
+
+def one_log(files):
+    """Red's odometry, truth and distances in the columns of one file."""
+    odometry, measured = files["odom_red.csv"], away(files, "red", "r{1}").drop(columns="time")
+    columns = [odometry, files["truth_red.csv"].drop(columns="time"), measured]
+    return {"log.csv": pd.concat(columns, axis=1), "anchors.csv": alone(files)["anchors.csv"]}
+
+
+def nameless_places(files):
+    lines = [f"{name} {x} {y}" for name, (x, y) in PLACES.items()]
+    del files["anchors.csv"]
+    return files | {f"uwb_{r}.csv": away(files, r) for r in ROBOTS} | {"anchors.txt": "\n".join([*lines, ""])}
+
+
+def column_for_two(files):
+    red, blue = (away(files, robot, f"{robot}_{{}}") for robot in ROBOTS)
+    return files | {"uwb.csv": red.merge(blue, "outer", "time")}
+
+
+def file_for_two(files):
+    both = {(r, place): away(files, r)[["time", place]] for r in ROBOTS for place in PLACES}
+    return files | {f"{r}_{place}.csv": one.rename(columns={place: "range"}) for (r, place), one in both.items()}
+
+
+@pytest.mark.parametrize(
+    ("change", "robots"),
+    [
+        (column_for_two, 2),
+        (file_for_two, 2),
+        (nameless_places, 2),
+        (lambda files: files | {f"uwb_{r}.csv": away(files, r, "r{1}") for r in ROBOTS}, 2),
+        (lambda files: alone(files) | {"uwb.csv": away(files, "red", "r{1}")}, 1),
+        (one_log, 1),
+    ],
+    ids=["a column for two", "a file for two", "nameless places", "numbers", "one robot", "one file"],
+)
+def test_distances_from_anchors_are_read_from_files_as_others_write_them(tmp_path, change, robots):
+    files = {name: pd.DataFrame(columns) for name, columns in two_robots(seconds=60).items() if name != "uwb.csv"}
+    files["anchors.csv"] = pd.DataFrame([(name, *place) for name, place in PLACES.items()], columns=["id", "x", "y"])
+    for name, table in change(files).items():
+        if isinstance(table, str):
+            (tmp_path / name).write_text(table)
+        else:
+            table.to_csv(tmp_path / name, index=False)
+    found = cl.inspect(tmp_path).inspected
+    assert len(found.log.robots) == robots
+    assert list(found.log.readings) == ["anchor_range"]
+    readings = found.log.readings["anchor_range"]
+    assert np.bincount(readings.other).tolist() == [robots * len(files["truth_red.csv"])] * 3
+    assert found.findings == ()
