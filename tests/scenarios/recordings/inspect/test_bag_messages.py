@@ -20,6 +20,7 @@ DEFINITIONS = {
     "mocap_msgs/msg/Bodies": "std_msgs/Header header\nuint32 frame_number\nmocap_msgs/Body[] rigidbodies",
     "lab_msgs/msg/Identified": "string id\nsensor_msgs/Range range\nfloat64 variance",
     "lab_msgs/msg/Ranges": "std_msgs/Header header\nlab_msgs/Identified[] ranges",
+    "lab_msgs/msg/Arrays": "std_msgs/Header header\nstring[] ids\nfloat64[] distances",
     "lab_msgs/msg/Wheels": "std_msgs/Header header\nfloat64 linear_velocity\nfloat64 angular_velocity",
     "lab_msgs/msg/Place": "std_msgs/Header header\nfloat64 x\nfloat64 y\nfloat64 theta",
 }
@@ -143,6 +144,8 @@ HABITS = {
         "header.frame_id": r})},
     "an array": {"ranges": ranges("/{}/uwb/range", "lab_msgs/msg/Ranges", "range.range", more=lambda r: {"id": r},
         wrap=lambda one: {"ranges": [one]})},
+    "arrays side by side": {"ranges": ranges("/{}/uwb", "lab_msgs/msg/Arrays", "distances", more=lambda r: {"ids": [r]},
+        wrap=lambda one: one | {"distances": np.array([one["distances"]])})},
     "a filter": {"odometry": beside_a_filter},
     "poses of a camera": {"odometry": truth("/{}/orb_slam3/pose", f"{G}PoseStamped", posed)},
     "the only teammate": {"ranges": ranges("/{}/uwb/range", "sensor_msgs/msg/Range", "range")},
