@@ -57,6 +57,7 @@ PLACE |= {"TransformStamped": ("transform.translation", "transform.rotation")}
 FLAT = 0.2  # [m] that robots move at least, and share of it by which a floor is flat at most
 EACH = 'each = { NAME = "data.0", ... } for the robots or anchors that it is of, in their order'
 SEEN = {"rel", "relative", "tag", "tags", "apriltag", "aruco", "marker", "markers", "detection", "detections", "camera"}
+SEEN |= {"landmark", "landmarks"}
 SURE = 2.0  # times the misfit of the best assignment of radios that the next best must have
 
 
@@ -345,7 +346,9 @@ def _reading_columns(topic: str, table: CsvTable, place: str) -> dict[str, dict[
             if quantity == "range" and beside:
                 found["sightings"] = found.pop(name) | beside
     at = next((g.column.removesuffix(".z") for g in table.guesses if g.column.endswith("position.z")), "")
-    if at and not found and SEEN & {*words_of(topic)}:
+    if found or not SEEN & {*words_of(topic)}:
+        return found
+    if at:
         x, y, z = (f"{at}.{q}" for q in "xyz")
         is_optical = np.ptp(table.numbers(z)) > np.ptp(table.numbers(y))  # of two axes the upright one changes little
         why = (
@@ -354,6 +357,8 @@ def _reading_columns(topic: str, table: CsvTable, place: str) -> dict[str, dict[
         ahead, left = (z, x) if is_optical else (x, y)
         unit = "-m" if is_optical else "m"
         found["sightings"] = {"x": Guess(ahead, "x", "m", "", why), "y": Guess(left, "y", unit, "", why)}
+    elif {"x", "y"} == (own := first_columns(table.guesses, ("x", "y"))).keys():
+        found["sightings"] = {q: guess._replace(reason=f"{guess.reason}, in {topic}") for q, guess in own.items()}
     return found
 
 

@@ -278,6 +278,19 @@ def test_anchors_in_a_file_beside_a_bag_are_those_that_its_ranges_name(tmp_path,
     assert found.findings == ()
 
 
+def test_landmarks_at_places_ahead_and_to_the_left_of_a_robot_are_sightings(tmp_path):
+    files, place, name = two_robots(seconds=40), np.array([4.0, 9.0]), "lab_msgs/msg/Seen"
+    made = [one for kind in ("odometry", "truth") for one in USUAL[kind](files)]
+    for robot, t, x, y, h in lines_of(files, "truth"):
+        ahead, left = np.array([[np.cos(h), np.sin(h)], [-np.sin(h), np.cos(h)]]) @ (place - [x, y])
+        made.append((f"/{robot}/landmarks", name, t, {"id": 7, "x": ahead, "y": left}))
+    write_messages(tmp_path / "team", made, {name: "std_msgs/Header header\nint32 id\nfloat64 x\nfloat64 y"})
+    (tmp_path / "landmarks.csv").write_text("id,x,y\n7,4.0,9.0\n")
+    found = inspect_recording(tmp_path)
+    assert {channel: len(one.time) for channel, one in found.log.readings.items()} == {"landmark": 800}
+    assert found.findings == ()
+
+
 def test_elements_of_an_array_are_of_whom_log_toml_says(tmp_path):
     files, name = two_robots(seconds=40), "std_msgs/msg/Float64MultiArray"
     made = [one for kind in ("odometry", "truth") for one in USUAL[kind](files)]
