@@ -235,6 +235,8 @@ def _guess(table: CsvTable, column: str, file_side: str) -> Guess:
         and "speed" not in dict(beside)
     ):
         unknown = "w beside x and y: part of a quaternion, or a heading"
+    elif quantity in NAMES and ((values < 0) | (values != np.rint(values))).any():
+        unknown = f"its name says {quantity}, but its values are no numbers of things"
     elif quantity in ("time", "sec") and len(values) > 1 and 0.3 < (change < 0).mean() < 1:
         unknown = f"its name says {quantity}, but its values fall"
     elif quantity == "time" and len(values) > 10 > 2 * len({*values.tolist()}):
