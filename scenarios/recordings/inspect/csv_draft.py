@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from ruamel.yaml import YAML
 
 from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.recordings.inspect import naming
@@ -53,11 +54,12 @@ def _read_files(paths: Iterable[Path], folder: Path, data: Path) -> tuple[list[C
     files, unread = [], []
     for path in paths:
         name = path.relative_to(folder if path.is_relative_to(folder) else data).as_posix()
-        fault = f"{name}: a text, and no table"
+        kind = _kind_of_places(path)
+        fault = f"{name}: not read; write its places into [{kind}]" if kind else f"{name}: a text, and no table"
         is_csv = ".csv" in path.name.lower() or path.suffix.lower() in {*OTHER_TABLES} - {".json"}
         try:
-            file = read_csv(path, name)
-            if is_csv or "1" in file.columns or any(guess.quantity for guess in file.guesses):
+            file = _read_places(path, name) if kind else read_csv(path, name)
+            if kind or is_csv or "1" in file.columns or any(guess.quantity for guess in file.guesses):
                 files.append(file)
                 continue
         except BadInput as e:
@@ -66,11 +68,37 @@ def _read_files(paths: Iterable[Path], folder: Path, data: Path) -> tuple[list[C
     return files, unread
 
 
-def _unread_places(folder: Path) -> list[tuple[Path, str]]:
-    """Return files that probably hold anchors or landmarks by their names, in a format that is not read."""
-    files = [p for p in sorted(folder.iterdir()) if p.suffix.lower() in (".yaml", ".yml", ".json", ".xml")]
-    kinds = [(p, naming.OTHERS.get(word, "")) for p in files for word in naming.words_of(p.stem)]
-    return [(p, kind) for p, kind in kinds if kind in ("anchors", "landmarks")]
+def _kind_of_places(path: Path) -> str:
+    """Return "anchors" or "landmarks" of a file of YAML, JSON or XML that holds them by its name; else ""."""
+    words = naming.words_of(path.stem) if path.suffix.lower() in (".yaml", ".yml", ".json", ".xml") else []
+    return next((kind for kind in map(naming.OTHERS.get, words) if kind in ("anchors", "landmarks")), "") or ""
+
+
+def _read_places(path: Path, name: str) -> CsvTable:
+    """Read places in YAML or JSON: names with [x, y] or with x and y, or a list with name or id, x and y."""
+
+    def below_title(content: Any) -> Any:
+        only = next(iter(content.values())) if isinstance(content, dict) and len(content) == 1 else None
+        if isinstance(only, dict):
+            return content if {"x", "position"} & only.keys() else below_title(only)
+        return only if isinstance(only, list) and isinstance(only[0], dict) else content
+
+    try:
+        content, found = below_title(YAML(typ="safe").load(path)), dict[str, list[float]]()  # JSON is YAML, too
+        named = content.items() if isinstance(content, dict) else ((p.get("name", p.get("id")), p) for p in content)
+        for key, one in named:
+            at = one.get("position", one) if isinstance(one, dict) else one
+            found[str(key)] = [float(at[q]) for q in ("xy" if isinstance(at, dict) else (0, 1))]
+        x, y = np.array([*found.values()]).T
+    except Exception as e:  # whatever YAML raises on what is none
+        raise BadInput(f"{name}: it holds no places") from e
+    table = CsvTable(name, {"name": (*found,), "x": x, "y": y})
+    return table._replace(guesses=infer_columns(table))
+
+
+def is_table(path: Path) -> bool:
+    """Return whether a file may hold a table by its name: a text, or places."""
+    return is_text(path) or bool(_kind_of_places(path))
 
 
 def _text_files(folder: Path) -> list[Path]:
@@ -208,10 +236,10 @@ def _read_run(folder: Path, data: Path) -> tuple[list[CsvTable], list[str], str]
     above = {p.name for p in beside if folder == data and count[p.name] == 1}
     copies = [p for p in _text_files(folder) if p.name in above and p.parent != data]
     own = [p for p in _text_files(folder) if p not in copies]
-    files, unused = _read_files(dict.fromkeys([*own, *beside]), folder, data)
+    places = [p for home in (folder, data) for p in sorted(home.iterdir()) if _kind_of_places(p)]
+    files, unused = _read_files(dict.fromkeys([*own, *beside, *places]), folder, data)
     unread = next((line for line in unused if line.startswith(str(data))), "")
     unused += [f"{p.relative_to(data).as_posix()}: {p.name} stands above it" for p in copies]
-    unused += [f"{p.name}: not read; write its places into [{table}]" for p, table in _unread_places(folder)]
     if not files:
         texts = f"{unused[0]}; save it as CSV, with a line of names" if own else "there is no text file in it"
         raise BadInput(unread or f"{folder}: {texts}")

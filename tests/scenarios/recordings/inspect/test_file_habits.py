@@ -1,6 +1,7 @@
 """One team in the files that others would write: each is read as the same recording, without a log.toml by hand."""
 
 import itertools
+import json
 
 import numpy as np
 import pandas as pd
@@ -311,10 +312,22 @@ def one_log(files):
     return {"log.csv": pd.concat(columns, axis=1), "anchors.csv": alone(files)["anchors.csv"]}
 
 
-def nameless_places(files):
-    lines = [f"{name} {x} {y}" for name, (x, y) in PLACES.items()]
-    del files["anchors.csv"]
-    return files | {f"uwb_{r}.csv": away(files, r) for r in ROBOTS} | {"anchors.txt": "\n".join([*lines, ""])}
+def places_in(name, text):
+    """The anchors as a text of another kind."""
+
+    def change(files):
+        del files["anchors.csv"]
+        return files | {f"uwb_{r}.csv": away(files, r) for r in ROBOTS} | {name: text}
+
+    return change
+
+
+TEXTS = {
+    "anchors.txt": "".join(f"{name} {x} {y}\n" for name, (x, y) in PLACES.items()),
+    "anchors.yaml": "".join(f"{name}: [{x}, {y}, 1.5]\n" for name, (x, y) in PLACES.items()),
+    "uwb_anchors.yml": "anchors:\n" + "".join(f"- {{id: {name}, x: {x}, y: {y}}}\n" for name, (x, y) in PLACES.items()),
+    "anchors.json": json.dumps({"anchors": {name: {"position": place} for name, place in PLACES.items()}}),
+}
 
 
 def column_for_two(files):
@@ -332,12 +345,12 @@ def file_for_two(files):
     [
         (column_for_two, 2),
         (file_for_two, 2),
-        (nameless_places, 2),
+        *((places_in(name, text), 2) for name, text in TEXTS.items()),
         (lambda files: files | {f"uwb_{r}.csv": away(files, r, "r{1}") for r in ROBOTS}, 2),
         (lambda files: alone(files) | {"uwb.csv": away(files, "red", "r{1}")}, 1),
         (one_log, 1),
     ],
-    ids=["a column for two", "a file for two", "nameless places", "numbers", "one robot", "one file"],
+    ids=["a column for two", "a file for two", *TEXTS, "numbers", "one robot", "one file"],
 )
 def test_distances_from_anchors_are_read_from_files_as_others_write_them(tmp_path, change, robots):
     files = {name: pd.DataFrame(columns) for name, columns in two_robots(seconds=60).items() if name != "uwb.csv"}

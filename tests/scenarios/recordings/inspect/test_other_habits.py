@@ -224,8 +224,10 @@ def test_numbers_that_a_robot_would_share_with_itself_are_of_anchors(team):
 
 def test_places_in_a_file_that_is_not_read_are_named(team):
     folder = team()
-    (folder / "anchors.yaml").write_text("a1: [0, 0]\n")
-    assert "anchors.yaml: not read; write its places into [anchors]" in cl.inspect(folder).inspected.unused
+    for text in ("a1: [0, 0\n", "height: 2\nwidth: 3\n", ""):
+        (folder / "anchors.yaml").write_text(text)
+        unused = cl.inspect(folder, again=True).inspected.unused
+        assert "anchors.yaml: not read; write its places into [anchors]" in unused
 
 
 def test_columns_that_are_left_are_named_once_for_all_files(team):
