@@ -101,6 +101,8 @@ def test_columns_with_numbers_are_listed_by_the_first_and_the_last():
         ("speed_ft_s", "speed", "ft/s"),
         ("Distance in m", "range", "m"),
         ("ranges.id", "robot", ""),
+        ("r{robot}{other}", "range", ""),
+        ("level_{robot}_{other}", "", ""),
         ("ranges.range.range", "range", ""),
         ("Time [ms]", "time", "ms"),
         ("timestamp_ns", "time", "ns"),
