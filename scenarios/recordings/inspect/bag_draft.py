@@ -446,11 +446,12 @@ def _readings_of_one(
     The fields of those where a frame is what was measured are the second, and the frames of each topic the third.
     """
     left = [t for t, kind in numbers.items() if kind == RANGE or name_meaning(t)[0] in ("range", "rssi")]
-    of_places = pairs_with_places(left, robots, fixed)
-    nameless = [t for t in left if numbers[t] == RANGE and t not in of_places]
-    framed = {t: table_of_fields(t, f) for t, f in (read_fields(whole, nameless) if nameless else {}).items()}
+    ranges = [t for t in left if numbers[t] == RANGE]
+    framed = {t: table_of_fields(t, f) for t, f in (read_fields(whole, ranges) if ranges else {}).items()}
     by_frame, frames = _ranges_by_frame(framed, robots, fixed), {t: one.names(FRAME) for t, one in framed.items()}
-    of_mate = [t for t in left if t not in (*of_places, *by_frame) and len(frames.get(t, ())) < 2]
+    alone = [t for t in left if t not in by_frame and len(frames.get(t, ())) < 2]
+    of_places = pairs_with_places(alone, robots, fixed)
+    of_mate = [t for t in alone if t not in of_places]
     return _tables_of_numbers(of_places | _topics_of_one(of_mate, robots), series), by_frame, frames
 
 

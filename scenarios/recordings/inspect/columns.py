@@ -235,7 +235,7 @@ def _guess(table: CsvTable, column: str, file_side: str) -> Guess:
         and "speed" not in dict(beside)
     ):
         unknown = "w beside x and y: part of a quaternion, or a heading"
-    elif quantity in NAMES and ((values < 0) | (values != np.rint(values))).any():
+    elif quantity in NAMES and ((values < -1) | (values != np.rint(values))).any():  # -1 is of none
         unknown = f"its name says {quantity}, but its values are no numbers of things"
     elif quantity in ("time", "sec") and len(values) > 1 and 0.3 < (change < 0).mean() < 1:
         unknown = f"its name says {quantity}, but its values fall"

@@ -85,7 +85,7 @@ def _read_places(path: Path, name: str) -> CsvTable:
 
     try:
         content, found = below_title(YAML(typ="safe").load(path)), dict[str, list[float]]()  # JSON is YAML, too
-        named = content.items() if isinstance(content, dict) else ((p.get("name", p.get("id")), p) for p in content)
+        named = content.items() if isinstance(content, dict) else ((p.get("name") or p["id"], p) for p in content)
         for key, one in named:
             at = one.get("position", one) if isinstance(one, dict) else one
             found[str(key)] = [float(at[q]) for q in ("xy" if isinstance(at, dict) else (0, 1))]

@@ -1,5 +1,6 @@
 """One team in bags whose messages are of many types: each is read as the same recording, without a log.toml by hand."""
 
+import itertools
 import re
 
 import numpy as np
@@ -275,6 +276,20 @@ def test_anchors_in_a_file_beside_a_bag_are_those_that_its_ranges_name(tmp_path,
     found = inspect_recording(tmp_path)
     assert (list(found.log.readings), found.log.anchors.names) == (["anchor_range"], ("A1", "A2"))
     assert (len(found.log.robots), {*found.log.readings["anchor_range"].other}) == (len(team), {0, 1})
+    assert found.findings == ()
+
+
+def test_frames_say_what_two_radios_of_a_robot_measured_though_anchors_have_their_numbers(tmp_path):
+    files = two_robots(seconds=40)
+    made = [one for kind in ("odometry", "truth") for one in USUAL[kind](files) if "red" in one[0]]
+    for t, x, y in zip(*[*files["truth_red.csv"].values()][:3], strict=True):
+        for radio, (anchor, (a, b)) in itertools.product("12", {"1": (0.0, 0.0), "2": (8.0, 8.0)}.items()):
+            fields = {"range": np.hypot(x - a, y - b), "header.frame_id": anchor}
+            made.append((f"/uwb{radio}/range", "sensor_msgs/msg/Range", t, fields))
+    write_messages(tmp_path / "team", made)
+    (tmp_path / "anchors.csv").write_text("id,x,y\n1,0.0,0.0\n2,8.0,8.0\n")
+    found = inspect_recording(tmp_path)
+    assert {channel: len(one.time) for channel, one in found.log.readings.items()} == {"anchor_range": 4 * 400}
     assert found.findings == ()
 
 

@@ -56,7 +56,10 @@ def test_a_tag_measures_anchors_and_not_the_other_way_round(tmp_path):
     assert (found["tagId"].quantity, found["anchorId"].quantity) == ("robot", "other")
 
 
-@pytest.mark.parametrize(("values", "quantity"), [([1.0, 2.0], "robot"), ([-40.0, -41.0], ""), ([1.5, 2.5], "")])
+@pytest.mark.parametrize(
+    ("values", "quantity"),
+    [([1.0, 2.0], "robot"), ([-1.0, 2.0], "robot"), ([-40.0, -41.0], ""), ([1.5, 2.5], "")],
+)
 def test_names_of_things_are_whole_numbers(tmp_path, values, quantity):
     found = guessed(tmp_path, {"t": range(LINES), "node1": values * (LINES // 2)})["node1"]
     assert found.quantity == quantity
