@@ -57,9 +57,12 @@ def _read_files(paths: Iterable[Path], folder: Path, data: Path) -> tuple[list[C
         kind = _kind_of_places(path)
         fault = f"{name}: not read; write its places into [{kind}]" if kind else f"{name}: a text, and no table"
         is_csv = ".csv" in path.name.lower() or path.suffix.lower() in {*OTHER_TABLES} - {".json"}
+        if kind and (places := _read_places(path, name)):
+            files.append(places)
+            continue
         try:
-            file = _read_places(path, name) if kind else read_csv(path, name)
-            if kind or is_csv or "1" in file.columns or any(guess.quantity for guess in file.guesses):
+            file = read_csv(path, name) if is_text(path) else None
+            if file and (is_csv or "1" in file.columns or any(guess.quantity for guess in file.guesses)):
                 files.append(file)
                 continue
         except BadInput as e:
@@ -74,8 +77,8 @@ def _kind_of_places(path: Path) -> str:
     return next((kind for kind in map(naming.OTHERS.get, words) if kind in ("anchors", "landmarks")), "") or ""
 
 
-def _read_places(path: Path, name: str) -> CsvTable:
-    """Read places in YAML or JSON: names with [x, y] or with x and y, or a list with name or id, x and y."""
+def _read_places(path: Path, name: str) -> CsvTable | None:
+    """Read places in YAML or JSON: names with [x, y] or with x and y, or a list with name or id, x and y; else None."""
 
     def below_title(content: Any) -> Any:
         only = next(iter(content.values())) if isinstance(content, dict) and len(content) == 1 else None
@@ -88,10 +91,12 @@ def _read_places(path: Path, name: str) -> CsvTable:
         named = content.items() if isinstance(content, dict) else ((p.get("name") or p["id"], p) for p in content)
         for key, one in named:
             at = one.get("position", one) if isinstance(one, dict) else one
+            if str(key) in found:
+                raise ValueError  # of several lines about one, as a log has them
             found[str(key)] = [float(at[q]) for q in ("xy" if isinstance(at, dict) else (0, 1))]
         x, y = np.array([*found.values()]).T
-    except Exception as e:  # whatever YAML raises on what is none
-        raise BadInput(f"{name}: it holds no places") from e
+    except Exception:  # whatever YAML raises on what is none
+        return None
     table = CsvTable(name, {"name": (*found,), "x": x, "y": y})
     return table._replace(guesses=infer_columns(table))
 
