@@ -55,7 +55,7 @@ def test_exact_filters_are_the_dense_posterior_of_all_they_read(label, options, 
 
 @pytest.mark.parametrize("reading", ["range", "rssi"])
 def test_one_reading_a_tick_is_used_alike_in_turn_and_together(reading):
-    """Robot 0 hears robot 1, and nobody reads anchors: the order of readings is nothing."""
+    """Robot 0 alone hears robot 1, and there are no readings of anchors, so that the order does not matter."""
     _, stream = simulate("robots-1-3/n=2[prior_sigma=1.0]", trials=3, seed=6, ticks=12)
     link = stream.air.link & np.array([[False, True], [False, False]])
     stream = stream.replace_arrays({"air.link": link})

@@ -236,7 +236,7 @@ def _guess(table: CsvTable, column: str, file_side: str) -> Guess:
     ):
         unknown = "w beside x and y: part of a quaternion, or a heading"
     elif quantity in NAMES and ((values < -1) | (values != np.rint(values))).any():  # -1 is of none
-        unknown = f"its name says {quantity}, but its values are no numbers of things"
+        unknown = f"its name says {quantity}, but its values are negative or not whole"
     elif quantity in ("time", "sec") and len(values) > 1 and 0.3 < (change < 0).mean() < 1:
         unknown = f"its name says {quantity}, but its values fall"
     elif quantity == "time" and len(values) > 10 > 2 * len({*values.tolist()}):
