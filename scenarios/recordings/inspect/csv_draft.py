@@ -98,7 +98,7 @@ def _read_places(path: Path, name: str) -> CsvTable | None:
     except Exception:  # whatever YAML raises on what is none
         return None
     table = CsvTable(name, {"name": (*found,), "x": x, "y": y})
-    return table._replace(guesses=infer_columns(table))
+    return table._replace(guesses=infer_columns(table)) if np.isfinite([x, y]).all() else None
 
 
 def is_table(path: Path) -> bool:

@@ -224,7 +224,7 @@ def test_numbers_that_a_robot_would_share_with_itself_are_of_anchors(team):
 
 def test_places_in_a_file_that_is_not_read_are_named(team):
     folder = team()
-    for text in ("a1: [0, 0\n", "height: 2\nwidth: 3\n", "[{x: 0, y: 0}, {x: 1, y: 1}]\n", ""):
+    for text in ("a1: [0, 0\n", "a1: [.nan, 0]\n", "height: 2\nwidth: 3\n", "[{x: 0, y: 0}, {x: 1, y: 1}]\n", ""):
         (folder / "anchors.yaml").write_text(text)
         unused = cl.inspect(folder, again=True).inspected.unused
         assert "anchors.yaml: not read; write its places into [anchors]" in unused
