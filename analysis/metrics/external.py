@@ -300,7 +300,9 @@ def _common(
             own, t = teams[name][robot].stamp, true.stamp
             nearest_true, rows = match_stamps(t, own, np.inf)
             away = np.abs(own[rows] - t[nearest_true]).max()
-            remedy = "write both by one clock"
+            remedy = "; ".join(
+                {"write both by one clock": 0, **dict.fromkeys((*true.notes, *teams[name][robot].notes))}
+            )
             if away < GAP * np.median(np.diff(t)):  # one clock, and stamps between those of the truth
                 remedy = f"interpolate the true poses at its stamps, or allow more by --within {away:.2g}"
             raise BadInput(

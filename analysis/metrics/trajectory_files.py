@@ -4,11 +4,13 @@ A team is a folder with a file for each robot, or a folder with one; what differ
 The true ones may lie with them, if their names say so: `red_gt.txt` beside `red_mine.txt`, of the method `mine`.
 
 - `NAME.txt` or `NAME.tum` is a TUM file: a line `stamp tx ty tz qx qy qz qw` for each pose, of which x, y and yaw
-  count; a quaternion of zeros means that the heading is not known.
+  count; a quaternion of zeros means that the heading is not known. Twelve numbers a line are a pose of KITTI.
 - `NAME.csv` has a header, and what `cooploc inspect` takes for `stamp`, `x`, `y` and `heading`, by their names: `time`,
-  `theta`, `yaw`, quaternions, units (`x [mm]`, `heading_deg`), as EuRoC or MATLAB's `writetable` write it. It may have
-  the covariance's `xx`, `xy`, `yy`, `xh`, `yh`, `hh` (or `Pxx`, `Pxy`, ...). Commas, semicolons or tabs part fields.
-  One file may have all robots, with a column `robot`, or with columns for each (`red_x`, `blue_x`).
+  `theta`, `yaw`, quaternions, units (`x [mm]`, `heading_deg`), as EuRoC or MATLAB's `writetable` write it; without a
+  header by their values. It may have the covariance's `xx`, `xy`, `yy`, `xh`, `yh`, `hh` (or `Pxx`, `cov_xx`, ...), or
+  standard deviations (`sigma_x`). Commas, semicolons, tabs or blanks part fields. Without stamps a line is a tick.
+  One file may have all robots, with a column `robot`, or with columns for each (`red_x`, `blue_x`), and the truth and
+  all methods, with a column that names them, or with columns of the truth beside others (`gt_x`, `x`).
 - `NAME.cov.txt` beside either may have the covariances, a line `stamp xx xy yy` [m^2], the upper triangle of the
   position's, or `stamp xx xy xh yy yh hh` [m^2, m rad, rad^2], of position and heading h, at the stamps of the poses.
 - `covariances.npz` may have them for all robots: an array `NAME` (T, 3, 3) or (T, 2, 2), at the stamps of the poses.
@@ -25,17 +27,19 @@ Source: the TUM RGB-D benchmark, J. Sturm et al., IROS 2012.
 import re
 import zipfile
 from collections.abc import Collection, Mapping, Sequence
+from contextlib import suppress
 from itertools import product
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 
 from cooploc.analysis.formats import count_of
 from cooploc.analysis.metrics.errors import demand_same
 from cooploc.estimators.errors import BadInput, nearest
 from cooploc.estimators.interface import Array, Indices, Mask
-from cooploc.scenarios.recordings.bag_storage import KINDS, bag_paths, open_bag, stamp_of
+from cooploc.scenarios.recordings.bag_storage import KINDS, bag_paths, is_bag, open_bag, stamp_of
 from cooploc.scenarios.recordings.inspect.bag_draft import topics_by_robot
 from cooploc.scenarios.recordings.inspect.columns import (
     EPOCHS,
@@ -44,10 +48,19 @@ from cooploc.scenarios.recordings.inspect.columns import (
     Guess,
     infer_columns,
 )
-from cooploc.scenarios.recordings.inspect.naming import SI, columns_of_robots, file_pattern, name_meaning, side_of
+from cooploc.scenarios.recordings.inspect.naming import (
+    SI,
+    columns_of_robots,
+    file_pattern,
+    is_on_globe,
+    match_names,
+    name_meaning,
+    side_of,
+)
 from cooploc.scenarios.recordings.schema import UNITS
 from cooploc.scenarios.recordings.text_files import (
     TextTable,
+    is_text,
     parse_fields,
     read_lines,
     read_table,
@@ -60,17 +73,26 @@ from cooploc.scenarios.stream import Truth
 TRUTH = "truth"  # the folder of true trajectories
 COLUMNS = ("timestamp", "tx", "ty", "tz", "qx", "qy", "qz", "qw")
 COVARIANCES = {2: ("timestamp", "xx", "xy", "yy"), 3: ("timestamp", "xx", "xy", "xh", "yy", "yh", "hh")}  # by d
-COVARIANCE, STORED, ENDINGS = ".cov.txt", "covariances.npz", (".txt", ".tum", ".csv")
+COVARIANCE, STORED, ENDINGS = ".cov.txt", "covariances.npz", (".txt", ".tum", ".csv", ".dat", ".tsv", ".parquet")
 WITH_COVARIANCE = ("nav_msgs/msg/Odometry", "geometry_msgs/msg/PoseWithCovarianceStamped")
 OTHER_POSES = [
     f"geometry_msgs/msg/{kind}" for kind in ("PoseStamped", "TransformStamped", "Pose", "Pose2D", "PointStamped")
 ]
-NEEDED = {"time": "stamp", "x": "x", "y": "y"}  # quantities of a CSV file, and their names in a header
+CLOCKS = ("time",), ("sec", "nsec"), ("sec",)  # quantities that make a stamp
+PLACED = "x", "y", "heading"  # quantities that the truth has beside an estimate
+AXES = {"x": 0, "y": 1, **dict.fromkeys(("h", "th", "theta", "yaw", "phi", "psi", "heading"), 2)}  # rows of P
+OF_ROS = {0: 0, 1: 1, 5: 2}  # rows of P by those of ROS's 6 x 6
+_AXIS, _DEVIATION = "|".join(AXES), "sigma|std|stddev|sd"
+ENTRY = re.compile(rf"(?:pose|position)?((p|c)|cov|covariance|var|variance|{_DEVIATION})?({_AXIS})({_AXIS})?")
+KITTI = 12  # numbers in a line: the upper three rows of a 4 x 4 matrix
 TRIANGLE = {d: np.triu_indices(d) for d in (2, 3)}
 LATEST = 1e10  # [s] stamps beyond are in another unit; those of today are below 2e9
 EQUAL = 1e-5  # [s] stamps of a pose and of its covariance differ by less
 TORN = 0.1  # share of poses whose lines of covariances may be torn
 UNIT = 0.01  # a quaternion's length may differ from 1 by so much
+UNTIMED = "poses without stamps have the numbers of their lines, as ticks"
+FLAT = 0.2  # a path with so little extent along x or y, of that along z, is not of a robot on a floor
+SHARED = 0.3  # share of poses that have the stamp of another, as those of two robots or methods do
 TILTED = 0.5  # cosine of the median angle from z up, below which poses are not those of a robot in the plane
 ROUNDING = 1e-6  # asymmetry of a covariance that is written in text, and 0.001 of it below zero, of its largest entry
 
@@ -98,8 +120,10 @@ def read_team(place: Path, robots: Sequence[str] = (), method: str = TRUTH) -> T
     files = team_files(place, method)
     words = file_pattern([f"{name}.txt" for name in files])[1] if files else ()
     files = dict(zip(words, files.values(), strict=True)) if len(words) == len(files) else files  # red_truth is of red
+    meant = match_names([name for name in files if name not in robots], robots)  # Robot_1 is robot1
+    files = {meant.get(name, name): path for name, path in files.items()}
     named = {name: path for name, path in files.items() if not robots or name in robots or len(files) == 1}
-    found = read_files(named) if files else _read_bag(place, robots, method)
+    found = read_files(named, method) if files else _read_bag(place, robots, method)
     if len(robots) == len(found) == 1:  # whatever its name
         found = dict(zip(robots, found.values(), strict=True))
     known = list(files) if len(files) > 1 else list(found)
@@ -114,8 +138,8 @@ def team_files(place: Path, method: str = "") -> dict[str, Path]:
     Where some are true ones by their names, such as `red_gt.txt`, these are of the truth alone, and of all others those
     with the name of the `method`, if there are any.
     """
-    files = sorted(place.iterdir()) if place.is_dir() else [place]
-    files = [path for path in files if path.suffix in ENDINGS and ".cov." not in path.name]
+    files = sorted(place.iterdir()) if place.is_dir() else [place] * is_text(place)
+    files = [path for path in files if ".cov." not in path.name and (path == place or path.suffix in ENDINGS)]
     true = [path for path in files if side_of(path.stem) == TRUTH]
     if method and 0 < len(true) < len(files):
         others = [path for path in files if path not in true]
@@ -131,13 +155,14 @@ def team_files(place: Path, method: str = "") -> dict[str, Path]:
     return named
 
 
-def read_files(files: Mapping[str, Path]) -> dict[str, Trajectory]:
-    """Read the poses of robots, and the covariances that stand with or beside them."""
+def read_files(files: Mapping[str, Path], method: str = "") -> dict[str, Trajectory]:
+    """Read the poses of robots, those of a method where a file has several, and covariances with or beside them."""
     stored = {folder: _read_stored(folder / STORED) for folder in {path.parent for path in files.values()}}
     found: dict[str, Trajectory] = {}
     for key, path in files.items():
-        parted = path.suffix == ".csv" or re.match(r"(#.*\n|\s)*[^#\n]*[,;]", read_text(path))
-        own = _read_csv(path) if parted else {"": _poses_of_tum(read_table(path, COLUMNS))}
+        first = next((line for line in read_text(path).split("\n") if line.partition("#")[0].strip()), "")
+        is_tum = path.suffix != ".csv" and not re.search("[,;]", first) and 7 <= len(first.split()) <= 9
+        own = {"": _poses_of_tum(read_table(path, COLUMNS))} if is_tum else _read_csv(path, method)
         if len(own) > 1 < len(files):
             raise BadInput(f"{path} has poses of several robots, and is one of several files: keep one, or part it")
         if len(own) > 1:
@@ -158,14 +183,21 @@ def read_files(files: Mapping[str, Path]) -> dict[str, Trajectory]:
 
 
 def _by_time(place: Path, one: Trajectory) -> Trajectory:
-    """Return poses by rising stamps [s], those of a smaller unit since 1970 converted; refuse others."""
+    """Return poses by rising stamps [s], those of a smaller unit since 1970 converted; refuse others.
+
+    So is a file with several poses for most stamps: nothing says whose they are.
+    """
     if (latest := np.abs(one.stamp).max()) > LATEST:
         low, high = SINCE_1970
         units = [unit for unit in EPOCHS.values() if low < np.median(one.stamp) / unit < high]
         if not units:
             raise BadInput(f"{place}: stamps reach {latest:.3g}: write seconds")
         one = one._replace(stamp=one.stamp / units[0])
-    return one.select(np.argsort(one.stamp, kind="stable"))
+    one = one.select(np.argsort(one.stamp, kind="stable"))
+    if len(one.stamp) > 2 and (share := float((np.diff(one.stamp) == 0).mean())) > SHARED:
+        remedy = "name robots in a column robot, methods in another as in --tum NAME=, or write stamps with more digits"
+        raise BadInput(f"{place}: {share:.0%} of its poses have the stamp of another: {remedy}")
+    return one
 
 
 def _poses_of_tum(table: TextTable) -> Trajectory:
@@ -174,8 +206,32 @@ def _poses_of_tum(table: TextTable) -> Trajectory:
     length = np.linalg.norm(q, axis=1)
     for row in np.flatnonzero((np.abs(length - 1) > UNIT) & (length > 0)).tolist():
         raise BadInput(f"{table.at(row)}: qx qy qz qw is not a unit quaternion; heading 0 is 0 0 0 1")
+    _require_flat(table.path, table.values[:, 1:4])
     poses = np.column_stack([table.values[:, 1:3], _heading_of(table.path, q)])
     return Trajectory(table.values[:, 0], poses, np.full((len(q), 3, 3), np.nan), table.notes)
+
+
+def _poses_of_kitti(table: TextTable) -> Trajectory:
+    """Return the poses in the lines of a KITTI file, one a tick."""
+    matrices = table.values.reshape(-1, 3, 4)
+    _require_flat(table.path, matrices[:, :, 3])
+    if np.median(matrices[:, 2, 2]) < TILTED:
+        raise BadInput(f"{table.path}: z of most poses does not point up: write matrices of a robot in the plane")
+    poses = np.column_stack([matrices[:, :2, 3], np.arctan2(matrices[:, 1, 0], matrices[:, 0, 0])])
+    return Trajectory(_count_lines(table), poses, np.full((len(poses), 3, 3), np.nan), (*table.notes, UNTIMED))
+
+
+def _require_flat(place: Path, xyz: Array) -> None:
+    """Refuse a path (T, 3) in a plane that stands upright, such as that of a camera, whose z points forward."""
+    x, y, z = np.ptp(xyz, axis=0).tolist()
+    if z > max(0.5, 0.3 * x, 0.3 * y) and min(x, y) < FLAT * z:
+        spans = f"spans {x:.3g}, {y:.3g} and {z:.3g} m along x, y and z"
+        raise BadInput(f"{place}: its path {spans}: turn it so that z points up; a camera's z points forward")
+
+
+def _count_lines(table: TextTable) -> Array:
+    """Return the number of each line, from 0 for the first, as its stamp, where there is none."""
+    return np.asarray(table.line - table.line[0], float)
 
 
 def _heading_of(path: Path, q: Array) -> Array:
@@ -203,84 +259,146 @@ def _add_triangles(one: Trajectory, path: Path) -> Trajectory:
     return one._replace(P=P, notes=(*one.notes, *triangle.notes, *lost)).select(~absent)
 
 
-def _read_csv(path: Path) -> dict[str, Trajectory]:
+def _read_csv(path: Path, method: str) -> dict[str, Trajectory]:
     """Read a CSV file by its header, by robot where a column names several, or where each has columns of its own."""
     text = read_text(path)
-    patterns, robots = columns_of_robots(split_fields(text)[0])
+    head = split_fields(text)[0]
+    patterns, robots = columns_of_robots(head)
     found = {}
+    if method in robots:  # x_mine beside x_theirs
+        robots = (method,)
+    elif method == TRUTH and any(
+        side_of(name) == TRUTH and name_meaning(name)[0] == "x" for name in {*head} - {*patterns}
+    ):
+        return _read_columns(path, text, method, patterns)
     for robot in robots:
         named = {column: pattern for column, pattern in patterns.items() if pattern.replace("{robot}", robot) == column}
-        found[robot] = _read_columns(path, text, {*patterns} - {*named}, named)[""]
-    return found or _read_columns(path, text)
+        found[robot] = _read_columns(path, text, method, {*patterns} - {*named}, named)[""]
+    return {"": found[method]} if method in robots else found or _read_columns(path, text, method)
 
 
-def _columns_of(path: Path, text: str, others: Collection[str] = ()) -> tuple[list[str], dict[str, Guess]]:
-    """Return the names of a CSV file's columns, but for those of `others`, and what the first of each quantity mean."""
+def _columns_of(
+    path: Path, text: str, method: str, others: Collection[str] = ()
+) -> tuple[list[str], dict[str, Guess], dict[str, set[str]]]:
+    """Return the names of a CSV file's columns, but for those of `others`, and what the first of each quantity mean.
+
+    They mean nothing in a file of KITTI. Of columns of the truth beside those of an estimate, the method's side counts.
+    The column that names methods comes last, with its words for this one.
+    """
     head, _, rows = split_fields(text)
     whole = [fields for _, fields in rows if len(fields) == len(head)]
     if not whole or len({*head}) < len(head):
         fault = f"two columns have one name: {', '.join(head)}" if whole else f"it has no line of {len(head)} fields"
         raise BadInput(f"{path}: {fault}; correct the file")
     columns: dict[str, Array | tuple[str, ...]] = {}
+    of_method: dict[str, set[str]] = {}
     for name, fields in zip(head, zip(*whole, strict=True), strict=True):
-        if name not in others:
-            numbers = parse_fields(fields)
-            columns[name] = fields if np.isinf(numbers).all() else np.where(np.isinf(numbers), np.nan, numbers)
-    head = [*columns]
-    guesses = infer_columns(CsvTable(path.name, columns))
-    if len(several := {guess.side == TRUTH: guess.column for guess in guesses if guess.quantity == "x"}) == 2:
-        raise BadInput(f"{path} has {several[True]} of the truth and {several[False]}: write a file of each")
-    own = {guess.quantity: guess for guess in reversed(guesses)}
-    for quantity, name in NEEDED.items():
-        if quantity not in own:
-            remedy = "write their names above: stamp,x,y,heading" if head[0] == "1" else "name one so"
-            raise BadInput(f"{path} has no column {name}; it has {', '.join(head)}: {remedy}")
-    return head, own
+        numbers = parse_fields(fields) if name not in others else None
+        if numbers is not None and not np.isinf(numbers).all():
+            columns[name] = np.where(np.isinf(numbers), np.nan, numbers)
+        elif numbers is not None and (own := {w for w in fields if w == method or method == TRUTH == side_of(w)}):
+            of_method = {name: own}
+        elif numbers is not None:
+            columns[name] = fields
+    head, table = [*columns], CsvTable(path.name, columns)
+    if table.is_nameless and len(head) == KITTI and not any(isinstance(each, tuple) for each in columns.values()):
+        rotations = np.column_stack([*columns.values()]).reshape(-1, 3, 4)[:, :, :3]
+        if np.median(np.abs(np.linalg.det(rotations) - 1)) < UNIT:
+            return head, {}, {}
+    guesses = infer_columns(table._replace(name=f"{TRUTH}/{path.name}") if table.is_nameless else table)
+    both = len({guess.side == TRUTH for guess in guesses if guess.quantity == "x"}) == 2
+    wanted = [g for g in guesses if not both or g.quantity not in PLACED or (g.side == TRUTH) == (method == TRUTH)]
+    known = {guess.quantity: guess for guess in reversed(wanted)}
+    if missing := [quantity for quantity in ("x", "y") if quantity not in known]:
+        remedy = "write their names above: stamp,x,y,heading" if table.is_nameless else "name one so"
+        raise BadInput(f"{path} has no column {missing[0]}; it has {', '.join(head)}: {remedy}")
+    if is_on_globe(known["x"].column):
+        raise BadInput(f"{path}: {known['x'].column} and {known['y'].column} are degrees on the globe: write x, y [m]")
+    return head, known, of_method
 
 
 def _read_columns(
-    path: Path, text: str, others: Collection[str] = (), patterns: Mapping[str, str] | None = None
+    path: Path, text: str, method: str, others: Collection[str] = (), patterns: Mapping[str, str] | None = None
 ) -> dict[str, Trajectory]:
     """Read the columns of a CSV file but for `others`, by robot; eight columns without names as TUM.
 
     In `patterns`, the names of one robot's columns, {robot} stands for its own.
     """
-    head, own = _columns_of(path, text, others)
-    if head == [*"12345678"]:
-        return {"": _poses_of_tum(_drop_unknown(read_lines(path, head, ()), len(head)))}
-    turned, needed = own.get("heading"), [own[quantity] for quantity in NEEDED]
+    head, own, of_method = _columns_of(path, text, method, others)
+    if not own or head == [*"12345678"]:
+        table = _keep(read_lines(path, head, ()), len(head))
+        return {"": _poses_of_tum(table) if own else _poses_of_kitti(table)}
+    turned, clock = own.get("heading"), next((clock for clock in CLOCKS if {*clock} <= {*own}), ())
     turns = (turned.quaternion or (turned.column,)) if turned else ()
-    words = {name: (patterns or {}).get(name, name).replace("{robot}", "").strip("_. ").lower() for name in head}
-    named = {re.sub("^p(?=[xyh]{2}$)", "", word): name for name, word in words.items()}
-    triangle = [(k, named[key]) for k, key in enumerate(COVARIANCES[3][1:]) if key in named]
+    placed = [own[quantity] for quantity in ("x", "y", *clock)]
+    entries = sorted(entry for name in head if (entry := _entry_of((patterns or {}).get(name, name), name)))
+    wanted = (*(guess.column for guess in placed), *turns, *(name for *_, name in entries))
     whose = [own["robot"].column] if "robot" in own else []
-    wanted = (*(guess.column for guess in needed), *turns, *(name for _, name in triangle))
-    table = _drop_unknown(read_lines(path, wanted, whose), len(needed))
-    read = (*needed, *filter(None, [turned]))
-    units = [UNITS[SI.get(guess.quantity, "m")].get(name_meaning(guess.column)[1], 1.0) for guess in read]
-    x, of_turns = np.full((len(table.values), 3), np.nan), table.values[:, 3 : 3 + len(turns)]
-    x[:, :2] = table.values[:, 1:3] * units[1:3]
+    table = _keep(read_lines(path, wanted, [*whose, *of_method]), len(placed), *of_method.values())
+    units = [UNITS[SI.get(g.quantity, "m")].get(name_meaning(g.column)[1], 1.0) for g in placed if g.quantity != "nsec"]
+    units += [1e-9] * ("nsec" in clock)
+    n, values, notes = len(placed), table.values, table.notes
+    of_turns, x = values[:, n : n + len(turns)], np.full((len(values), 3), np.nan)
+    x[:, :2] = values[:, :2] * units[:2]
     if len(turns) > 1:
         x[:, 2] = _heading_of(path, np.pad(of_turns, ((0, 0), (4 - len(turns), 0))))
     elif turned:
-        if turned.unit.startswith("-"):
-            raise BadInput(f"{path}: {turned.column} is clockwise from north: write heading, [rad] from x to y")
-        if turned.unit == "deg" and units[3] == 1.0:
-            name, why = turned.column, turned.reason.rpartition("; ")[2]
-            raise BadInput(f"{path}: {name}: {why}: call it {name}_deg if it is in degrees, else {name}_rad")
-        x[:, 2] = of_turns[:, 0] * units[3]
-    P = np.full((len(x), len(COVARIANCES[3]) - 1), np.nan)
-    P[:, [k for k, _ in triangle]] = table.values[:, 3 + len(turns) :]
-    every = Trajectory(table.values[:, 0] * units[0], x, _covariances(_from_triangle(P), table), table.notes)
-    names = np.array([row[0] for row in table.names if row])
-    if not 1 < len(robots := sorted({*names.tolist()})) <= len(x) / 2:  # with a name for every line, they number lines
-        return {"": every}
-    return {robot: every.select(names == robot) for robot in robots}
+        x[:, 2] = of_turns[:, 0] * _radians_in(path, turned)
+    P = np.full((len(x), 3, 3), np.nan)
+    for k, (is_entry, i, j, _) in enumerate(entries, n + len(turns)):  # entries after standard deviations
+        P[:, i, j] = P[:, j, i] = values[:, k] if is_entry else values[:, k] ** 2
+    alone = [d for d in (1, 2) if np.isfinite(P[:, d, d]).any() and np.isnan(P[:, :d, d]).all()]
+    for d in alone:
+        P[:, :d, d] = P[:, d, :d] = np.where(np.isnan(P[:, :1, 0]), np.nan, 0.0)
+    if alone:
+        notes += (f"{path}: no columns have covariances beside the diagonal: they count as 0",)
+    if CsvTable(path.name, dict.fromkeys(head, ())).is_nameless:
+        means = {column: quantity for quantity, guess in own.items() for column in guess.quaternion or (guess.column,)}
+        taken = ", ".join(f"{name} for {means.get(name) or 'nothing'}" for name in head)
+        notes += (f"{path} has no names of columns: by values {taken}; if that is wrong, write names above",)
+    names = np.array([row[0] for row in table.names]) if whose else np.empty(0, str)
+    one = not 1 < len({*names.tolist()}) <= len(x) / 2  # with a name for every line, they number lines
+    if clock:
+        stamps = (values[:, 2:n] * units[2:]).sum(1)
+    else:
+        stamps = _count_lines(table) if one else pd.Series(names).groupby(names).cumcount().to_numpy(float)
+        notes += (UNTIMED,)
+    every = Trajectory(stamps, x, _covariances(P, table), notes)
+    return {"": every} if one else {robot: every.select(names == robot) for robot in sorted({*names.tolist()})}
 
 
-def _drop_unknown(table: TextTable, width: int) -> TextTable:
-    """Return the lines whose first numbers, so many, are all known."""
+def _radians_in(path: Path, heading: Guess) -> float:
+    """Return the unit of a column of headings; refuse those of a compass, and degrees that its name does not tell."""
+    named = UNITS["rad"].get(name_meaning(heading.column)[1], 1.0)
+    if heading.unit.startswith("-"):
+        raise BadInput(f"{path}: {heading.column} is clockwise from north: write heading, [rad] from x to y")
+    if heading.unit == "deg" and named == 1.0:
+        name, why = heading.column, heading.reason.rpartition("; ")[2]
+        raise BadInput(f"{path}: {name}: {why}: call it {name}_deg if it is in degrees, else {name}_rad")
+    return named
+
+
+def _entry_of(named: str, column: str) -> tuple[bool, int, int, str] | None:
+    """Return whether a column is of a covariance, or of a standard deviation, and the row and the column of its entry.
+
+    By its name: xx, Pxy, cov_yy, var_x, sigma_x, std_theta, or covariance7 and covariance[7] of ROS's 36.
+    """
+    plain = re.sub(r"[\[(]\D.*", "", named.replace("{robot}", ""))
+    if numbered := re.search(r"covariance[^a-z\d]?(\d+)\W?$", plain):
+        row, other = (OF_ROS.get(k, -1) for k in divmod(int(numbered[1]), 6))
+        return (True, row, other, column) if "twist" not in plain and 0 <= row <= other else None
+    entry = ENTRY.fullmatch(re.sub("[^a-z]", "", plain.lower())) if not re.search(r"\d", plain) else None
+    if not entry or not (entry[4] or (entry[1] and not entry[2])):
+        return None
+    row, other = sorted((AXES[entry[3]], AXES[entry[4] or entry[3]]))
+    return not re.fullmatch(_DEVIATION, entry[1] or "") or bool(entry[4]), row, other, column
+
+
+def _keep(table: TextTable, width: int, words: Collection[str] = ()) -> TextTable:
+    """Return the lines whose first numbers, so many, are all known, and whose last name is one of the words, if any."""
     known = np.isfinite(table.values[:, :width]).all(1)
+    if words:
+        known &= np.array([row[-1] in words for row in table.names])
     if not known.any():
         raise BadInput(f"{table.path}: no line has a stamp, x and y; correct the file")
     names = [table.names[row] for row in np.flatnonzero(known).tolist()] if table.names else ()
@@ -302,10 +420,9 @@ def _read_bag(place: Path, robots: Sequence[str], method: str) -> dict[str, Traj
     """Read the poses with covariances of a bag's topics by robot."""
     rows: dict[str, list[tuple[float, ...]]] = {}
     held = f"{place} holds no NAME.txt or NAME.csv, nor a bag with poses, such as {' or '.join(WITH_COVARIANCE)}"
-    try:
-        paths = bag_paths(place)
-    except BadInput:
-        raise BadInput(held) from None
+    paths = list[Path]()
+    with suppress(BadInput):  # where there is none
+        paths = bag_paths(place) if place.is_dir() or is_bag(place) else []
     for path in paths:
         try:
             _collect_poses(path, rows, WITH_COVARIANCE)

@@ -207,9 +207,9 @@ def _quaternions(table: CsvTable) -> dict[str, Guess]:
 
 def _guess(table: CsvTable, column: str, file_side: str) -> Guess:
     below = f" [{table.units[column]}]" if column in table.units else ""
-    quantity, named_unit, side = naming.name_meaning(column + below)
+    quantity, named_unit, own_side = naming.name_meaning(column + below)
     reason, values = f"its name {column!r}", table.numbers(column)
-    side = file_side if file_side and not {*naming.words_of(column)} & naming.CERTAIN else side
+    side = file_side if file_side and not {*naming.words_of(column)} & naming.CERTAIN else own_side
     about = naming.name_meaning(Path(table.name).stem)[0]
     if quantity == "other" and about in ("range", "rssi") and len({*values.tolist()}) > FLAGS:
         quantity, reason = about, f"{reason}, in a file of that name"
@@ -248,7 +248,7 @@ def _guess(table: CsvTable, column: str, file_side: str) -> Guess:
             column, quantity, "-dBm", side or file_side, f"{reason}; positive: dBm without their sign, perhaps"
         )
     rises = len(values) > 10 and (change >= 0).all() and np.ptp(values) > 0
-    if rises and (quantity, side) == ("x", "odometry") and ("y", "odometry") not in beside:
+    if rises and (quantity, side) == ("x", "odometry") and ("y", own_side) not in beside:
         quantity = "length"
         reason += " has no y beside it, and its values only rise: a counter of metres"
     values = values[values < no_reading(values)] if quantity == "range" else values

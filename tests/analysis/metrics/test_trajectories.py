@@ -499,17 +499,171 @@ def test_a_team_is_one_file_or_folders_or_files_named_otherwise(team, tmp_path, 
     np.testing.assert_allclose(found[["rmse", "heading"]], files[["rmse", "heading"]], atol=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("names", "said"),
-    [
-        (("gt", "est"), "has gt_x of the truth and est_x: write a file of each"),
-        (("ekf", "pf"), "robot 'truth' has no trajectory; known are ekf, pf"),
-    ],
-)
-def test_one_file_of_several_paths_of_a_robot_is_refused(tmp_path, names, said):
+def test_one_file_of_paths_of_unknown_robots_is_refused(tmp_path):
     t, x = true_path(0)
     pd.DataFrame({"t": t, "x": x[:, 0], "y": x[:, 1]}).to_csv(tmp_path / "truth.csv", index=False)
-    paths = {f"{name}_{axis}": x[:, k] for name in names for k, axis in enumerate("xy")}
+    paths = {f"{name}_{axis}": x[:, k] for name in ("ekf", "pf") for k, axis in enumerate("xy")}
     pd.DataFrame({"t": t, **paths}).to_csv(tmp_path / "mine.csv", index=False)
-    with pytest.raises(cl.BadInput, match=said):
+    with pytest.raises(cl.BadInput, match="robot 'truth' has no trajectory; known are ekf, pf"):
         judge_trajectories(tmp_path / "truth.csv", {"mine": tmp_path / "mine.csv"})
+
+
+# ---- files of one program hold the truth and all methods, or lack what others have
+
+
+def paths_of_all():
+    """Poses (T, 3) of the truth and two methods, by robot, at stamps (T,)."""
+    rng = np.random.default_rng(5)
+    t, true = true_path(0)[0], {robot: true_path(r)[1] for r, robot in enumerate(ROBOTS)}
+    noise = {"truth": 0.0, "mine": 0.1, "theirs": 0.2}
+    return t, {
+        name: {r: x + rng.normal(0, s, x.shape) * [1, 1, 0] for r, x in true.items()} for name, s in noise.items()
+    }
+
+
+def frame_of(t, x):
+    return pd.DataFrame(np.column_stack([t, x]), columns=["t", "x", "y", "theta"])
+
+
+def write_kitti(folder, t, x):
+    c, s, zero, one = np.cos(x[:, 2]), np.sin(x[:, 2]), 0 * t, 1 + 0 * t
+    np.savetxt(f"{folder}.txt", np.column_stack([c, -s, zero, x[:, 0], s, c, zero, x[:, 1], zero, zero, one, zero]))
+
+
+def write_split_stamps(folder, t, x):
+    nanoseconds = np.rint(1e9 * (1.7e9 + t)).astype(np.int64)
+    stamps = {"secs": nanoseconds // 10**9, "nsecs": nanoseconds % 10**9}
+    pd.DataFrame(stamps | {"x": x[:, 0], "y": x[:, 1]}).to_csv(f"{folder}.csv", index=False)
+
+
+OF_A_ROBOT = {
+    "KITTI": write_kitti,
+    "seconds and nanoseconds": write_split_stamps,
+    "no stamps": lambda path, t, x: frame_of(t, x).drop(columns="t").to_csv(f"{path}.csv", index=False),
+    "no names": lambda path, t, x: frame_of(t, x).to_csv(f"{path}.csv", index=False, header=False),
+    "blanks": lambda path, t, x: np.savetxt(f"{path}.dat", np.column_stack([t, x[:, :2]])),
+    "Parquet": lambda path, t, x: frame_of(t, x).to_parquet(f"{path}.parquet"),
+}
+
+
+def rmse_of(found):
+    return {(row.estimator, row.name): row.rmse for row in found[["estimator", "name", "rmse"]].itertuples(index=False)}
+
+
+def expected(paths):
+    return {
+        (method, robot): pytest.approx(np.sqrt(((x - paths["truth"][robot])[:, :2] ** 2).sum(1).mean()), rel=1e-5)
+        for method in ("mine", "theirs")
+        for robot, x in paths[method].items()
+    }
+
+
+@pytest.mark.parametrize("write", OF_A_ROBOT.values(), ids=OF_A_ROBOT)
+def test_poses_are_read_as_programs_write_them(tmp_path, write):
+    t, paths = paths_of_all()
+    for method, robots in paths.items():
+        (tmp_path / method).mkdir()
+        for robot, x in robots.items():
+            write(tmp_path / method / (robot if method == "truth" else f"{robot.upper()}_{method}"), t, x)
+    found, notes = judge_trajectories(tmp_path / "truth", {name: tmp_path / name for name in ("mine", "theirs")})
+    assert rmse_of(found) == expected(paths)
+    untimed = "poses without stamps have the numbers of their lines, as ticks"
+    assert (untimed in notes) == (write in (OF_A_ROBOT["KITTI"], OF_A_ROBOT["no stamps"]))
+    nameless = f"{tmp_path / 'truth/red.csv'} has no names of columns: by values 1 for time, 2 for x, 3 for y, 4 for"
+    assert any(note.startswith(nameless) for note in notes) == (write is OF_A_ROBOT["no names"])
+
+
+def one_table(folder, t, paths):
+    parts = [frame_of(t, x).assign(robot=r, filter=name) for name, of in paths.items() for r, x in of.items()]
+    pd.concat(parts).to_csv(folder / "results.csv", index=False)
+    return folder / "results.csv"
+
+
+def columns_of_methods(folder, t, paths, true="gt"):
+    for robot in ROBOTS:
+        named = {true if name == "truth" else name: of[robot] for name, of in paths.items()}
+        table = pd.DataFrame(
+            {"t": t} | {f"{q}_{name}": x[:, k] for name, x in named.items() for k, q in enumerate("xyh")}
+        )
+        table.to_csv(folder / f"{robot}.csv", index=False)
+    return folder
+
+
+@pytest.mark.parametrize("form", [one_table, columns_of_methods])
+def test_the_truth_and_all_methods_may_be_in_one_table(tmp_path, form):
+    t, paths = paths_of_all()
+    place = form(tmp_path, t, paths)
+    found, _ = judge_trajectories(place, dict.fromkeys(("mine", "theirs"), place))
+    assert rmse_of(found) == expected(paths)
+    said = "67% of its poses have the stamp of another" if form is one_table else "has poses of several robots"
+    with pytest.raises(cl.BadInput, match=said):
+        judge_trajectories(place, {"ours": place})
+
+
+def test_columns_of_the_truth_beside_an_estimate_are_of_the_truth_alone(tmp_path):
+    t, paths = paths_of_all()
+    del paths["theirs"]
+    place = columns_of_methods(tmp_path, t, {"truth": paths["truth"], "hat": paths["mine"]})
+    found, _ = judge_trajectories(place, {"mine": place})
+    assert rmse_of(found) == {key: value for key, value in expected(paths | {"theirs": {}}).items() if key[0] == "mine"}
+
+
+@pytest.mark.parametrize(
+    ("names", "diagonal"),
+    [
+        (("cov_xx", "cov_xy", "cov_x_theta", "cov_yy", "cov_y_theta", "cov_theta_theta"), False),
+        (("Pxx [m^2]", "Pyx [m^2]", "Pxh", "Pyy [m^2]", "Pyh", "Phh"), False),
+        (tuple(f"pose.covariance_{k}" for k in (0, 1, 5, 7, 11, 35)), False),
+        (tuple(f"field.pose.covariance{k}" for k in (0, 1, 5, 7, 11, 35)), False),
+        (("sigma_x", "", "", "sigma_y", "", "sigma_yaw"), True),
+        (("var_x", "", "", "variance_y", "", "var_h"), True),
+    ],
+)
+def test_covariances_are_columns_of_any_usual_name(honest, tmp_path, names, diagonal):
+    t, true, x, _, P = honest
+    write_tum(tmp_path / "truth.txt", t, true)
+    P = P * np.eye(3) if diagonal else P
+    values = dict(zip(names, P[(slice(None), *np.triu_indices(3))].T, strict=True))
+    values = {name: np.sqrt(v) if name.startswith("sigma") else v for name, v in values.items() if name}
+    table = frame_of(t, x).assign(**values, **{"twist.covariance_0": 9.0, "cov_z_z": 9.0, "sigma2": 9.0})
+    table.to_csv(tmp_path / "mine.csv", index=False)
+    (tmp_path / "theirs").mkdir()
+    there = written(tmp_path / "theirs/form", t, x, P, "npz")
+    rows, notes = judge_trajectories(tmp_path / "truth.txt", {"mine": tmp_path / "mine.csv", "theirs": there})
+    for column in ("anees", "pose_nees"):
+        assert rows[column].iloc[0] == pytest.approx(rows[column].iloc[1], rel=1e-5)
+    beside = f"{tmp_path / 'mine.csv'}: no columns have covariances beside the diagonal: they count as 0"
+    assert (beside in notes) == diagonal
+
+
+@pytest.mark.parametrize(
+    ("columns", "said"),
+    [
+        ({"t": 0, "longitude": 1, "latitude": 2}, "longitude and latitude are degrees on the globe: write x, y"),
+        ({"1": 4, "2": 5, "3": 6}, "has no column x; it has 1, 2, 3: write their names above"),
+    ],
+)
+def test_columns_that_are_no_plane_positions_are_refused(tmp_path, columns, said):
+    t, true = true_path(0)
+    write_tum(tmp_path / "truth.txt", t, true)
+    given = np.column_stack([t, true[:, :2], *np.random.default_rng(0).normal(size=(4, len(t)))])
+    table = pd.DataFrame({name: given[:, k] for name, k in columns.items()})
+    table.to_csv(tmp_path / "mine.csv", index=False, header="1" not in columns)
+    with pytest.raises(cl.BadInput, match=said):
+        judge_trajectories(tmp_path / "truth.txt", {"mine": tmp_path / "mine.csv"})
+
+
+def test_a_path_in_the_axes_of_a_camera_is_refused_and_one_along_a_corridor_is_not(tmp_path):
+    t, true = true_path(0)
+    write_tum(tmp_path / "truth.txt", t, true)
+    zero, one = 0 * t, 1 + 0 * t
+    right, forward, turned = -true[:, 1], true[:, 0], -true[:, 2] / 2
+    camera = [t, right, 0.01 * np.sin(t), forward, zero, np.sin(turned), zero, np.cos(turned)]
+    np.savetxt(tmp_path / "camera.txt", np.column_stack(camera))
+    with pytest.raises(cl.BadInput, match="m along x, y and z: turn it so that z points up; a camera's z points"):
+        judge_trajectories(tmp_path / "truth.txt", {"mine": tmp_path / "camera.txt"})
+    corridor = [t, 0.2 * t, 0.001 * t, 0.02 * t, zero, zero, zero, one]
+    for name, shift in (("true", 0.0), ("found", 0.1)):
+        np.savetxt(tmp_path / f"{name}.txt", np.column_stack(corridor) + shift * np.eye(8)[1])
+    rows, _ = judge_trajectories(tmp_path / "true.txt", {"mine": tmp_path / "found.txt"})
+    assert rows["rmse"].item() == pytest.approx(0.1)

@@ -188,6 +188,14 @@ def test_a_counter_named_x_is_a_length_and_others_are_unknown(tmp_path):
     assert [found[name].quantity for name in ("odom_x", "volts")] == ["length", ""]
 
 
+def test_a_place_whose_x_only_rises_is_no_counter_where_y_stands_beside_it(tmp_path):
+    t = np.arange(LINES) / 10
+    found = guessed(tmp_path, {"t": t, "x": t, "y": np.sin(t)}, "odom_red.csv")
+    assert [guess.quantity for guess in found.values()] == ["time", "x", "y"]
+    found = guessed(tmp_path, {"t": t, "odom_x": t, "x": t, "y": np.sin(t)})  # x and y are of another
+    assert found["odom_x"].quantity == "length"
+
+
 @pytest.mark.parametrize(
     ("columns", "quantities"),
     [
