@@ -113,4 +113,6 @@ def inspect(path: str | Path, run: str = "", again: bool = False) -> Inspection:
         BadInput: nothing there can be read; one line that says what to do.
 
     """
+    if not isinstance(path, str | Path):
+        raise BadInput(f"path is a {type(path).__name__}: write CSV files into a folder, and name it")
     return Inspection(inspect_recording(Path(path), run, again))

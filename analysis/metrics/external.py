@@ -17,6 +17,7 @@ from dataclasses import replace
 from functools import reduce
 from itertools import product
 from pathlib import Path
+from tempfile import TemporaryDirectory, mkdtemp
 from typing import NamedTuple
 
 import numpy as np
@@ -218,8 +219,8 @@ class Matched(NamedTuple):
 
 
 def judge_trajectories(
-    truth: str | Path,
-    estimates: Mapping[str, str | Path],
+    truth: str | Path | pd.DataFrame,
+    estimates: Mapping[str, str | Path | pd.DataFrame],
     align: str = "none",
     axes: str = "world",
     pieces: int = 1,
@@ -231,8 +232,8 @@ def judge_trajectories(
     those of `cl.errors`, with the robot's `name`, `rpe` [m] and `heading` [rad], root mean squares; a trial is a piece.
 
     Args:
-        truth: the folder, or bag, of true trajectories.
-        estimates: by name, each a folder or bag; `trajectory_files` says what a team is.
+        truth: the folder, file or bag of true trajectories, or a table with the columns of such a file.
+        estimates: by name, each a folder, file, bag or table; `trajectory_files` says what a team is.
         align: each robot's path to the truth by its first pose (`origin`) or by a rotation and a translation of least
             squares (`se2`), one for the whole `team`, or not at all (`none`).
         axes: in which covariances are stated: those of the `world`, or of the robot's `body`, x forward.
@@ -243,8 +244,23 @@ def judge_trajectories(
         BadInput: a robot has no file, stamps do not meet, a path is mirrored, a covariance is none; says where.
 
     """
-    found = match_trajectories(Path(truth), estimates, align, axes, largest_difference)
+    if not isinstance(estimates, Mapping):
+        raise BadInput(f'estimates is a {type(estimates).__name__}: name each, as in {{"mine": "DIR"}}')
+    with TemporaryDirectory() as folder:
+        places = {name: _place_of(name, where, folder) for name, where in estimates.items()}
+        found = match_trajectories(_place_of(TRUTH, truth, folder), places, align, axes, largest_difference)
     return judge_pieces(*in_pieces(found, pieces), list(found.paths)), found.remarks
+
+
+def _place_of(name: str, where: object, folder: str) -> Path:
+    """Return where trajectories lie; a table is written into the folder first."""
+    if isinstance(where, pd.DataFrame):
+        path = Path(mkdtemp(dir=folder)) / (re.sub(r"[^\w-]", "_", name) + ".csv")
+        where.to_csv(path, index=where.index.name is not None)
+        return path
+    if not isinstance(where, str | Path):
+        raise BadInput(f"{name} is a {type(where).__name__}; name a folder, file or bag, or give a pandas.DataFrame")
+    return Path(where)
 
 
 def match_trajectories(

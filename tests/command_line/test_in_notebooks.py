@@ -58,6 +58,7 @@ def test_progress_is_one_output_that_is_empty_at_the_end_or_says_how_to_go_on(mo
         (lambda: cl.plot.rmse("runs"), "the table that cl.errors returns"),
         (lambda: cl.verdicts(pd.DataFrame({"claim": [1]})), "the table that cl.errors returns"),
         (lambda: cl.show(3), "this is of type int: cl.show prints"),
+        (lambda: cl.inspect(pd.DataFrame()), "path is a DataFrame: write CSV files into a folder, and name it"),
         (lambda: cl.run([], None), "the second argument is a NoneType"),
         (lambda: cl.run({}, cl.simulate("trajectory[ticks=1]")[1]), "there is no estimator to run"),
         (lambda: cl.run("arl", cl.simulate("trajectory[ticks=1]")[1], jobs="2"), "it must be a whole number"),

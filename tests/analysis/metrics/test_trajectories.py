@@ -589,6 +589,20 @@ def columns_of_methods(folder, t, paths, true="gt"):
     return folder
 
 
+def test_tables_in_memory_are_judged_as_files_are(tmp_path):
+    t, paths = paths_of_all()
+    results = pd.read_csv(one_table(tmp_path, t, paths))
+    own = {name: results[results["filter"] == name].drop(columns="filter") for name in paths}
+    found, _ = judge_trajectories(own["truth"], {"mine": own["mine"].set_index("t"), "theirs": results})
+    assert rmse_of(found) == expected(paths)
+    with pytest.raises(cl.BadInput, match=r"mine.csv has no column x; it has t, y, theta, robot: name one so"):
+        judge_trajectories(own["truth"], {"mine": own["mine"].drop(columns="x")})
+    with pytest.raises(cl.BadInput, match=r"mine is a list; name a folder, file or bag, or give a pandas.DataFrame"):
+        judge_trajectories(own["truth"], {"mine": [own["mine"]]})
+    with pytest.raises(cl.BadInput, match="estimates is a DataFrame: name each, as in"):
+        judge_trajectories(own["truth"], own["mine"])
+
+
 @pytest.mark.parametrize("form", [one_table, columns_of_methods])
 def test_the_truth_and_all_methods_may_be_in_one_table(tmp_path, form):
     t, paths = paths_of_all()
