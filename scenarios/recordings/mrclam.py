@@ -37,8 +37,10 @@ FILES = {  # of each robot, and their columns
 }
 
 
-def find_runs(data: Path, description: TeamDescription) -> dict[str, Path]:
+def find_runs(data: Path, description: TeamDescription | None) -> dict[str, Path]:
     """Return the data sets in a directory: itself, or each directory in it."""
+    if not data.is_dir():
+        raise BadInput(f"{data}: there is no such directory; name the one that holds {BARCODES}")
     if (data / BARCODES).exists():
         return {data.resolve().name: data}
     found = {path.name: path for path in sorted(data.iterdir()) if (path / BARCODES).exists()}
@@ -49,8 +51,6 @@ def find_runs(data: Path, description: TeamDescription) -> dict[str, Path]:
 
 def read_run(place: Path, name: str, description: TeamDescription | None) -> TeamLog:
     """Read one data set: robots "1", "2" ..., landmarks by their numbers."""
-    if not place.is_dir():
-        raise BadInput(f"{place}: there is no such directory; name the one that holds {BARCODES}")
     found = [re.fullmatch(r"Robot([1-9]\d*)_[A-Z]\w+\.dat", path.name) for path in place.iterdir()]
     numbers = sorted({int(match[1]) for match in found if match}) or [1]
     surveyed = read_table(
@@ -107,7 +107,7 @@ class Mrclam(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    data: Path  # the directory of one data set
+    data: Path  # the directory of one data set, or one with it
     sees: Literal["all", "one", "none"] = "all"  # who uses landmarks: all robots, only robot 1, none
     tick: Annotated[float, Field(ge=0.01, le=10)] = 0.1
     start: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.0  # [s] after every robot has truth and odometry
@@ -123,7 +123,10 @@ class Mrclam(BaseModel):
     @cached_property
     def log(self) -> TeamLog:
         """The data set."""
-        return read_run(self.data, self.data.resolve().name, None)
+        (name, place), *others = find_runs(self.data, None).items()
+        if others:
+            raise BadInput(f"{self.data} holds several data sets: name one, such as {place}")
+        return read_run(place, name, None)
 
     def world(self) -> World:
         """Return what the team knows: landmarks, and assumed models of motion and camera."""
@@ -173,7 +176,7 @@ class Mrclam(BaseModel):
             notes={
                 "world": type(self).__name__,
                 "parameters": self.model_dump(mode="json", exclude={"data"}),
-                "recording": self.data.resolve().name,
+                "recording": self.log.name,
                 "source": "UTIAS MRCLAM; Leung, Halpern, Barfoot, Liu, IJRR 30(8), 2011",
                 "prior": prior,
                 **sampled.counts,

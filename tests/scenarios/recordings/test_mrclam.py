@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -204,6 +205,19 @@ def test_data_sets_are_runs_of_a_team_whose_models_are_fitted(data):
     log = folder.log(data.name)
     assert (log.robots, log.landmarks.names) == (("1", "2"), ("5", "3", "4"))
     assert {channel: len(readings.time) for channel, readings in log.readings.items()} == {"landmark": 3, "sighting": 2}
+
+
+def test_the_directory_may_be_that_of_the_data_set_or_the_one_above_it(data, tmp_path_factory):
+    above = tmp_path_factory.mktemp("above")
+    shutil.copytree(data, above / "MRCLAM_Dataset1")
+    _, inside = simulate(above)
+    assert inside.notes["recording"] == "MRCLAM_Dataset1"
+    assert inside.hashes == simulate(above / "MRCLAM_Dataset1")[1].hashes
+    shutil.copytree(data, above / "MRCLAM_Dataset2")
+    with pytest.raises(BadInput, match=r"above0 holds several data sets: name one, such as .*/MRCLAM_Dataset1"):
+        simulate(above)
+    with pytest.raises(BadInput, match=r"neither it nor a directory in it holds Barcodes\.dat"):
+        simulate(tmp_path_factory.mktemp("none"))
 
 
 REAL = Path(os.environ.get("COOPLOC_DATA", Path(__file__).parents[4] / "shared" / "data")) / "mrclam6"
