@@ -1,7 +1,7 @@
 """Recordings of a team in CSV files, and in topics of a bag read as tables, as `log.toml` describes them."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from itertools import product
+from itertools import permutations, product
 from pathlib import Path
 from reprlib import repr as short_repr
 from typing import NamedTuple
@@ -123,6 +123,7 @@ def rows_of(
     names = [name for column in numbers for name in column.columns]
     of = source.other if isinstance(source, ReadingColumns) else None
     named = [column.column for column in (source.robot, of) if column is not None]
+    mates = dict(permutations(run.description.robots, 2))  # of two, the only one
     robots = run.description.robots if source.robot is None else ("",)  # "": a column gives the name
     in_columns, k = "{other}" in "".join(names), len(source.time)
     lines_of: dict[tuple[Path, tuple[str, ...]], tuple[str, str]] = {}
@@ -148,6 +149,7 @@ def rows_of(
         who = [source.nodes.get(names[0], names[0]) if source.robot else robot for names in lines.names]
         things = {**source.nodes, **getattr(source, "others", {})}
         what = [things.get(names[-1], names[-1]) if of else other for names in lines.names]
+        what = what if of or other else [mates.get(one, "") for one in who]
         yield CsvRows(path, stamp, time + source.clock_offset, who, what, values)
 
 

@@ -256,17 +256,23 @@ class GroundTruth(Source):
 
 
 class ReadingColumns(Source):
-    """Measurements of something else, whose name is in the column `other` or, as `{other}`, in the file or topic."""
+    """Measurements of something else, whose name is in the column `other` or, as `{other}`, in the file or topic.
+
+    Where none is, and the team has two robots, they measured each other.
+    """
 
     other: Number | None = None
     others: Mapping[str, Name] = {}  # as `nodes`, of what was measured alone, where robots have the same names
 
-    @model_validator(mode="after")
-    def _says_what_is_measured(self) -> Self:
+    @property
+    def names_other(self) -> bool:
+        """Whether it says what was measured."""
         wide = any("{other}" in value.column for _, value in self if isinstance(value, LogColumn))
-        named = self.other is not None or wide or "{other}" in (self.file or "") or bool(getattr(self, "each", None))
-        if self.in_files and not named:
-            raise ValueError('what was measured: other = "the column of names", or {other} in the name of the file')
+        named = wide or "{other}" in f"{self.file} {self.topic}"
+        return self.other is not None or named or bool(getattr(self, "each", None))
+
+    @model_validator(mode="after")
+    def _says_it_once(self) -> Self:
         both = [name for name in ("other", "others") if getattr(self, name)]
         if both and getattr(self, "each", None):
             raise ValueError(f"each and {both[0]} exclude each other; remove one")
@@ -442,7 +448,11 @@ class TeamDescription(Strict):
         for source in sources:
             if self.format == "csv" and not source.in_files:
                 raise ValueError('format = "csv" takes file = "..."')
-            if source.in_files and len(self.robots) > 1 and not (source.robot or source.names_robot):
+            is_mutual = isinstance(source, ReadingColumns) and not source.names_other
+            if is_mutual and source.in_files and len(self.robots) != 2:
+                raise ValueError('what was measured: other = "the column of names", or {other} in the name of the file')
+            named = source.robot or source.names_robot or (is_mutual and isinstance(source, RangesTable))
+            if source.in_files and len(self.robots) > 1 and not named:
                 raise ValueError('whose lines are they: file = "..._{robot}.csv", or robot = "the column of names"')
         return self
 

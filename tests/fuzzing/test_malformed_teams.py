@@ -36,7 +36,6 @@ IN_TOML = [
     ('x = "x"', "", "name the columns x and y"),
     ('file = "mocap_{robot}.csv"', 'file = "mokap_{robot}.csv"', "mokap_red.csv: there is no such file"),
     ('heading = "yaw"', "", "has no true heading"),
-    ('other = "to"', "", "what was measured"),
     ('range = "d"', "", "name the column"),
     ('range = "d"', 'range = "d"\neach = { north = "d" }', "name the column"),
     ('other = "to"\nrange = "d"', 'others = { 1 = "a1" }\neach = { red = "d" }', "each and others exclude each other"),
@@ -96,6 +95,12 @@ def told(folder):
 def test_one_thing_wrong_in_the_description(copied, old, new, said):
     describe(copied, (old, new), text=SHORT)
     assert said in told(copied)
+
+
+def test_of_more_than_two_robots_it_must_be_said_what_was_measured(copied):
+    of_three = ('robots = ["red", "blue"]', 'robots = ["red", "blue", "green"]')
+    describe(copied, ('other = "to"', ""), of_three, text=SHORT)
+    assert 'what was measured: other = "the column of names", or {other} in the name of the file' in told(copied)
 
 
 @pytest.mark.parametrize(("name", "line", "old", "new", "said"), IN_FILES, ids=range(len(IN_FILES)))

@@ -217,6 +217,9 @@ def _guess(table: CsvTable, column: str, file_side: str) -> Guess:
     beside = {naming.name_meaning(name)[::2] for name in table.columns}
     places = [name for name in (column[:-1] + q for q in "xy") if name in table.columns]
     unknown = ""
+    if quantity in ("range", "rssi") and isinstance(table.columns[column], tuple):  # uwb_to, if its values are names
+        named = map(naming.QUANTITY.get, naming.words_of(column))
+        quantity = next((one for one in named if one in NAMES), None) or quantity
     if quantity == "angle":  # to what is measured, or of what is somewhere, if no other column is that
         by, known = {"range": "bearing", "x": "heading"}, dict(beside)
         quantity = next((angle for other, angle in by.items() if other in known and angle not in known), "")

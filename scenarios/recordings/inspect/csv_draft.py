@@ -397,10 +397,13 @@ def _draft_table(part: TablePart, robots: tuple[str, ...], fixed: Sequence[str],
     written = " ".join([file.value, *(g.column for g in part.each)])
     if table in READINGS and "other" not in columns and "{other}" not in written:
         found = _each_thing(table, part.each, [*robots, *fixed], robots)
-        if isinstance(found, str):
+        if isinstance(found, Entry):
+            whose = tuple(column_entry("robot", columns["robot"]) for _ in columns.keys() & {"robot"})
+            return DraftTable(table, (file, Entry("time", at, time[0].reason), *whose, found, *_missing(part)))
+        if len(robots) != 2 or len(part.each) > 1 or fixed:
             return f"{names}: {found}"
-        whose = tuple(column_entry("robot", columns["robot"]) for _ in columns.keys() & {"robot"})
-        return DraftTable(table, (file, Entry("time", at, time[0].reason), *whose, found, *_missing(part)))
+        guess = part.each[0]._replace(reason=f"{part.each[0].reason}; of the other robot, perhaps")
+        columns = {q: guess if g == part.each[0] else g for q, g in columns.items()}
     entries = [Entry("kind", part.kind, "its columns")] if part.kind else []
     entries += [file, Entry("time", at, "; ".join(guess.reason for guess in time))]
     entries += [
@@ -452,6 +455,8 @@ def _whose(
         columns = {q: g for q, g in columns.items() if q != "robot"}
     elif len(robots) == len(files) == 1:
         file = Entry("file", files[0], "of the one robot")
+    elif part.table == "ranges" and (len(robots), len(files), len(part.each), len(fixed)) == (2, 1, 1, 0):
+        file = Entry("file", files[0], "a range is of both robots", "perhaps")
     else:
         return f"{names}: looks like {part.table}, but does not say whose it is; add a column `robot`"
     return file, columns, nodes, why_nodes

@@ -48,6 +48,17 @@ def ranges_each(files):
     return files
 
 
+def of_the_other(files):
+    """Ranges of each robot in a file of its own, which does not say that they are of its only teammate."""
+    files = ranges_each(files)
+    return files | {f"uwb_{a}.csv": files[f"uwb_{a}.csv"].set_axis(["time", "range"], axis=1) for a in ROBOTS}
+
+
+def of_both(files):
+    """Ranges in a file that names neither robot."""
+    return files | {"uwb.csv": files["uwb.csv"][["time", "range"]]}
+
+
 def pair_alone(files):
     """Ranges in a column that is named after two robots, in a file that says what it is about."""
     return files | {"uwb.csv": files["uwb.csv"][["time", "range"]].rename(columns={"range": "field.red_blue"})}
@@ -240,6 +251,9 @@ HABITS = {
     "a column for each": (ranges_each, {}, None),
     "one export": (lambda files: one_export(changed(theta=lambda h: np.unwrap(h) + 4 * np.pi)(files)), {}, None),
     "a column of a pair": (pair_alone, {}, None),
+    "of the other robot": (of_the_other, {}, None),
+    "of both robots": (of_both, {}, None),
+    "columns of a radio": (renamed({"from": "uwb_from", "to": "uwb_to", "range": "uwb_range"}), {}, None),
     "folders": (folders, {}, None),
     "two tags": (two_tags, {}, None),
     "bagpy": (bagpy, {}, None),
