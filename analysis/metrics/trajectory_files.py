@@ -361,7 +361,7 @@ def _read_columns(
     if clock:
         stamps = (values[:, 2:n] * units[2:]).sum(1)
     else:
-        stamps = _count_lines(table) if one else pd.Series(names).groupby(names).cumcount().to_numpy(float)
+        stamps = _count_lines(table) if one else np.asarray(pd.Series(names).groupby(names).cumcount(), float)
         notes += (UNTIMED,)
     every = Trajectory(stamps, x, _covariances(P, table), notes)
     return {"": every} if one else {robot: every.select(names == robot) for robot in sorted({*names.tolist()})}
