@@ -90,6 +90,7 @@ LATEST = 1e10  # [s] stamps beyond are in another unit; those of today are below
 EQUAL = 1e-5  # [s] stamps of a pose and of its covariance differ by less
 TORN = 0.1  # share of poses whose lines of covariances may be torn
 UNIT = 0.01  # a quaternion's length may differ from 1 by so much
+ENOUGH = 10_000  # lines from which columns are inferred
 UNTIMED = "poses without stamps have the numbers of their lines, as ticks"
 FLAT = 0.2  # a path with so little extent along x or y, of that along z, is not of a robot on a floor
 SHARED = 0.3  # share of poses that have the stamp of another, as those of two robots or methods do
@@ -262,7 +263,7 @@ def _add_triangles(one: Trajectory, path: Path) -> Trajectory:
 def _read_csv(path: Path, method: str) -> dict[str, Trajectory]:
     """Read a CSV file by its header, by robot where a column names several, or where each has columns of its own."""
     text = read_text(path)
-    head = split_fields(text)[0]
+    head = split_fields(text[:100_000])[0]
     patterns, robots = columns_of_robots(head)
     found = {}
     if method in robots:  # x_mine beside x_theirs
@@ -292,14 +293,19 @@ def _columns_of(
         raise BadInput(f"{path}: {fault}; correct the file")
     columns: dict[str, Array | tuple[str, ...]] = {}
     of_method: dict[str, set[str]] = {}
-    for name, fields in zip(head, zip(*whole, strict=True), strict=True):
-        numbers = parse_fields(fields) if name not in others else None
-        if numbers is not None and not np.isinf(numbers).all():
+    for k, name in enumerate(head):
+        if name in others:
+            continue
+        some = tuple(fields[k] for fields in whole[:ENOUGH])
+        numbers = parse_fields(some)
+        if not np.isinf(numbers).all():
             columns[name] = np.where(np.isinf(numbers), np.nan, numbers)
-        elif numbers is not None and (own := {w for w in fields if w == method or method == TRUTH == side_of(w)}):
+            continue
+        words = {fields[k] for fields in whole}
+        if own := {word for word in words if word == method or method == TRUTH == side_of(word)}:
             of_method = {name: own}
-        elif numbers is not None:
-            columns[name] = fields
+        else:
+            columns[name] = some
     head, table = [*columns], CsvTable(path.name, columns)
     if table.is_nameless and len(head) == KITTI and not any(isinstance(each, tuple) for each in columns.values()):
         rotations = np.column_stack([*columns.values()]).reshape(-1, 3, 4)[:, :, :3]
