@@ -17,7 +17,8 @@ The true ones may lie with them, if their names say so: `red_gt.txt` beside `red
 
 Or it is a ROS bag, whose topics of nav_msgs/Odometry and geometry_msgs/PoseWithCovarianceStamped have the robots' names
 in their own; of several topics of a robot, that with the method's name in it. Where it has none of these, topics of
-poses without covariances count, such as geometry_msgs/PoseStamped and TransformStamped.
+poses without covariances count, such as geometry_msgs/PoseStamped and TransformStamped. Topics whose names say that
+they are the truth (`/vicon/red/pose`, `/red/ground_truth`) are of the truth alone.
 
 A team of one robot may be one file, of any name. Covariances of a robot that are all zero are not known, as in ROS.
 
@@ -75,9 +76,10 @@ COLUMNS = ("timestamp", "tx", "ty", "tz", "qx", "qy", "qz", "qw")
 COVARIANCES = {2: ("timestamp", "xx", "xy", "yy"), 3: ("timestamp", "xx", "xy", "xh", "yy", "yh", "hh")}  # by d
 COVARIANCE, STORED, ENDINGS = ".cov.txt", "covariances.npz", (".txt", ".tum", ".csv", ".dat", ".tsv", ".parquet")
 WITH_COVARIANCE = ("nav_msgs/msg/Odometry", "geometry_msgs/msg/PoseWithCovarianceStamped")
-OTHER_POSES = [
-    f"geometry_msgs/msg/{kind}" for kind in ("PoseStamped", "TransformStamped", "Pose", "Pose2D", "PointStamped")
-]
+POSES = (
+    *WITH_COVARIANCE,
+    *(f"geometry_msgs/msg/{kind}" for kind in ("PoseStamped", "TransformStamped", "Pose", "Pose2D", "PointStamped")),
+)
 CLOCKS = ("time",), ("sec", "nsec"), ("sec",)  # quantities that make a stamp
 PLACED = "x", "y", "heading"  # quantities that the truth has beside an estimate
 AXES = {"x": 0, "y": 1, **dict.fromkeys(("h", "th", "theta", "yaw", "phi", "psi", "heading"), 2)}  # rows of P
@@ -423,53 +425,74 @@ def _read_stored(path: Path) -> dict[str, Array]:
 
 
 def _read_bag(place: Path, robots: Sequence[str], method: str) -> dict[str, Trajectory]:
-    """Read the poses with covariances of a bag's topics by robot."""
+    """Read the poses in a bag's topics, with their covariances, by robot."""
+    kinds: dict[str, str] = {}
     rows: dict[str, list[tuple[float, ...]]] = {}
-    held = f"{place} holds no NAME.txt or NAME.csv, nor a bag with poses, such as {' or '.join(WITH_COVARIANCE)}"
-    paths = list[Path]()
+    path, paths = place, list[Path]()
     with suppress(BadInput):  # where there is none
         paths = bag_paths(place) if place.is_dir() or is_bag(place) else []
-    for path in paths:
-        try:
-            _collect_poses(path, rows, WITH_COVARIANCE)
-            if not rows:
-                _collect_poses(path, rows, OTHER_POSES)
-        except Exception as e:  # rosbags raises whatever its parsers raise on damaged files
-            raise BadInput(f"{path}: cannot be read as a bag ({' '.join(str(e).split())[:100]}); repair it") from None
-    if not rows:
-        raise BadInput(held)
-    topics: dict[str, list[str]] = {}
-    if not robots and len(rows) > 1 == len({topic.strip("/").partition("/")[0] for topic in rows}):
-        topics = {robot: [topic] for robot, topic in topics_by_robot([*rows]).items()}  # /vrpn/red/pose is of red
-    for topic in rows if not topics else ():
-        parts = topic.strip("/").split("/")
-        others = [part for part in parts if part != method] or parts
-        alone = len(robots) == len(rows) == 1
-        for robot in robots if alone else [one for one in robots if one in parts] if robots else others[:1]:
-            topics.setdefault(robot, []).append(topic)
+    try:
+        for path in paths:
+            with open_bag(path) as bag:
+                kinds |= {t: kind for t, kind in bag.types.items() if kind in POSES and bag.counts.get(t, 1)}
+        chosen = _topics_of_robots(place, kinds, robots, method)
+        for path in paths:
+            _collect_poses(path, rows, {topic: kinds[topic] for topic in chosen.values()})
+    except BadInput:
+        raise
+    except Exception as e:  # rosbags raises whatever its parsers raise on damaged files
+        raise BadInput(f"{path}: cannot be read as a bag ({' '.join(str(e).split())[:100]}); repair it") from None
+    if lost := [topic for topic in chosen.values() if topic not in rows]:
+        raise BadInput(f"{place}: topic {lost[0]} has no message that can be read: get the bag again")
     found = {}
-    for robot, several in topics.items():
-        chosen = several if len(several) == 1 else [topic for topic in several if method in topic.split("/")]
-        if len(chosen) != 1:
-            raise BadInput(
-                f"{place} has topics {', '.join(several)} of robot {robot!r}: name the method like a part of one of "
-                f"them, as in --tum {several[0].rpartition('/')[2]}={place}; here it is {method!r}"
-            )
-        table = np.array(rows[chosen[0]])
+    for robot, topic in chosen.items():
+        table = np.array(rows[topic])
         lines = TextTable(place, table, np.arange(len(table)))
-        P = _covariances(table[:, 4:].reshape(-1, 3, 3), lines, f"{chosen[0]}, message")
+        P = _covariances(table[:, 4:].reshape(-1, 3, 3), lines, f"{topic}, message")
         found[robot] = _by_time(place, Trajectory(table[:, 0], table[:, 1:4], P))
     return found
 
 
-def _collect_poses(path: Path, rows: dict[str, list[tuple[float, ...]]], of: Sequence[str]) -> None:
-    """Add the stamp, pose and covariance of every message of these types in a bag to the rows of its topic."""
+def _topics_of_robots(place: Path, kinds: Mapping[str, str], robots: Sequence[str], method: str) -> dict[str, str]:
+    """Return the topic of each robot among those of poses, whose types are `kinds`.
+
+    Topics that are called by the truth are of the truth alone, and of the others those with covariances come first.
+    """
+    if not kinds:
+        raise BadInput(f"{place} holds no NAME.txt or NAME.csv, nor a bag with poses, such as {' or '.join(POSES[:2])}")
+    parts = {topic: topic.strip("/").split("/") for topic in kinds}
+    true = [topic for topic in kinds if side_of(topic) == TRUTH and method not in {*parts[topic]} - {TRUTH}]
+    own = (true if method == TRUTH else [topic for topic in kinds if topic not in true]) or [*kinds]
+    own = [topic for topic in own if kinds[topic] in WITH_COVARIANCE] or own
+    topics: dict[str, list[str]] = {}
+    for topic in own:
+        others = [part for part in parts[topic] if part != method] or parts[topic]
+        for robot in [one for one in robots if one in parts[topic]] if robots else others[:1]:
+            topics.setdefault(robot, []).append(topic)
+    if len(robots) == len(own) == 1:  # whatever its name
+        topics = {robots[0]: own}
+    elif not topics or (not robots and len(topics) == 1 < len(own)):  # /vrpn/red/pose is of red, /tb3_0/odom of robot0
+        by_name = topics_by_robot(own)
+        meant = match_names(by_name, robots) if robots else {name: name for name in by_name}
+        topics = {meant[name]: [topic] for name, topic in by_name.items() if name in meant}
+    for robot, several in topics.items():
+        named = [topic for topic in several if method in parts[topic]]
+        if len(several) > 1 and len(named) != 1:
+            raise BadInput(
+                f"{place} has topics {', '.join(several)} of robot {robot!r}: name the method like a part of one of "
+                f"them, as in --tum {several[0].rpartition('/')[2]}={place}; here it is {method!r}"
+            )
+        topics[robot] = named if len(several) > 1 else several
+    return {robot: several[0] for robot, several in topics.items()}
+
+
+def _collect_poses(path: Path, rows: dict[str, list[tuple[float, ...]]], kinds: Mapping[str, str]) -> None:
+    """Add the stamp, pose and covariance of every message of these topics in a bag to the rows of its topic."""
     with open_bag(path) as bag:
-        kinds = {topic: kind for topic, kind in bag.types.items() if kind in of}
-        for topic, received, raw in bag.messages(kinds):
+        for topic, received, raw in bag.messages([topic for topic in kinds if topic in bag.types]):
             message = bag.decode(raw, kinds[topic])
             x, y, _, heading = KINDS[kinds[topic]].rows(message)[0][:4]
-            C = np.asarray(message.pose.covariance if of is WITH_COVARIANCE else np.zeros(36), float)
+            C = np.asarray(message.pose.covariance if kinds[topic] in WITH_COVARIANCE else np.zeros(36), float)
             C = C.reshape(6, 6)[np.ix_([0, 1, 5], [0, 1, 5])]
             stamp = 1e-9 * (stamp_of(message) or received)
             rows.setdefault(topic, []).append((stamp, x, y, heading, *C.ravel()))

@@ -433,6 +433,40 @@ def test_a_bag_of_a_tracker_is_a_truth_and_its_robots_are_where_names_differ(tea
     np.testing.assert_allclose(found[["rmse", "heading"]], files[["rmse", "heading"]], atol=1e-6)
 
 
+def in_a_bag(path, topics):
+    """A bag with poses in these topics: (topic, type, poses by stamp)."""
+    prefix = {"nav_msgs/msg/Odometry": "pose.pose.", "geometry_msgs/msg/PoseStamped": "pose."}
+    write_messages(
+        path,
+        [
+            (topic, kind, stamp, pose_at(x, y, 0.0, heading, prefix[kind]))
+            for topic, kind, of in topics
+            for stamp, (x, y, heading) in zip(*of, strict=True)
+        ],
+    )
+    return path
+
+
+@pytest.mark.parametrize("true", ["/{}/ground_truth", "/vicon/{}/pose"])
+def test_a_bag_may_hold_the_truth_beside_what_a_filter_says(tmp_path, true):
+    t, paths = paths_of_all()
+    of = {"mine": "nav_msgs/msg/Odometry", "truth": "geometry_msgs/msg/PoseStamped"}
+    topics = [((true if m == "truth" else "/{}/mine").format(r), of[m], (t, paths[m][r])) for m in of for r in ROBOTS]
+    bag = in_a_bag(tmp_path / "bag", topics)
+    found, _ = judge_trajectories(bag, {"mine": bag})
+    assert rmse_of(found) == {key: value for key, value in expected(paths).items() if key[0] == "mine"}
+
+
+def test_robots_may_be_called_a_little_otherwise_in_a_bag(tmp_path):
+    t, paths = paths_of_all()
+    kind = "nav_msgs/msg/Odometry"
+    for method, name in (("truth", "/mocap/robot{}/pose"), ("mine", "/tb3_{}/odom")):
+        in_a_bag(tmp_path / method, [(name.format(k), kind, (t, paths[method][r])) for k, r in enumerate(ROBOTS)])
+    found, _ = judge_trajectories(tmp_path / "truth", {"mine": tmp_path / "mine"})
+    assert found["name"].tolist() == ["robot0", "robot1"]
+    assert found["rmse"].tolist() == [expected(paths)["mine", robot] for robot in ROBOTS]
+
+
 def test_lines_that_cannot_be_read_are_left_out_and_named(honest, tmp_path):
     t, true, x, _, P = honest
     write_tum(tmp_path / "truth.txt", t, true)
