@@ -206,6 +206,8 @@ AXES = "world", "body"
 GAP = 10  # times the usual step between poses
 STANDING = 0.05  # [m] a robot whose path is no larger does not move
 MIRRORED = 0.3  # a path fits so much better once it is mirrored: its frame is
+SHIFTS = np.linspace(-2.0, 2.0, 81)  # [s] by which the stamps of a path may be off
+SHIFTED = 0.5  # a path fits so much better at other times: its clock is off
 BLOCKS = 10  # into which ticks are cut, to see in which axes covariances fit
 
 
@@ -287,6 +289,8 @@ def match_trajectories(
         there = {robot: team[robot].select(rows[robot]) for robot in true}
         chosen[name], said = _align(name, there, paths, align, axes)
         remarks += said
+        clocks = (_clock_remark(f"{name}: robot {robot!r}", team[robot], true[robot]) for robot in true)
+        remarks += filter(None, clocks)
     return Matched(truth.resolve().name, paths, chosen, tuple(remarks))
 
 
@@ -410,6 +414,26 @@ def _align(
             one = one._replace(x=x, P=turn_covariances(one.P, np.full(len(x), angle)))
         found[robot] = one
     return found, remarks
+
+
+def _clock_remark(of: str, one: Trajectory, true: Trajectory) -> str:
+    """Return a remark where a path fits the truth far better at earlier or later times; "" else."""
+    few = one.select(np.unique(np.linspace(0, len(one.stamp) - 1, 1000).astype(int)))
+
+    def misfit(shift: float) -> float:
+        at = few.stamp + shift
+        inside = (at >= true.stamp[0]) & (at <= true.stamp[-1])
+        if inside.sum() < max(3, len(at) / 2):
+            return np.inf
+        path = np.stack([np.interp(at[inside], true.stamp, true.x[:, k]) for k in range(2)], -1)
+        return fit_frame(few.x[inside, :2], path)[2]
+
+    misfits = [misfit(shift) for shift in SHIFTS.tolist()]
+    shift, best, now = float(SHIFTS[np.argmin(misfits)]), min(misfits), misfit(0.0)
+    if not best < SHIFTED * now < np.inf:
+        return ""
+    fits = f"fits the truth to {now:.3g} m once aligned, and to {best:.3g} m with {shift:.3g} s added to its stamps"
+    return f"{of} {fits}: if clocks differ, add them"
 
 
 def _require_units(of: str, x: Array, true: Array) -> None:

@@ -83,6 +83,16 @@ def test_methods_are_judged_at_common_times_and_pieces_are_trials(team, tmp_path
     assert drift.loc["mine", "rpe"] < drift.loc["theirs", "rpe_low"]
 
 
+@pytest.mark.parametrize("late", [0.0, 0.1, 1.5, -1.2])
+def test_a_clock_that_is_off_by_enough_to_matter_is_noted(late):
+    t, paths = paths_of_all()
+    true, mine = (frame_of(t + s, paths[name]["red"]) for name, s in (("truth", 0.0), ("mine", late)))
+    _, (_, *notes) = judge_trajectories(true, {"mine": mine})
+    clocks = [note for note in notes if "stamps" in note]
+    assert bool(clocks) == (abs(late) > 0.1)
+    assert all(f"m with {-late:.3g} s added to its stamps: if clocks differ, add them" in note for note in clocks)
+
+
 def test_stamps_meet_as_by_brute_force():
     rng = np.random.default_rng(3)
     for _ in range(50):
