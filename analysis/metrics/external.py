@@ -5,38 +5,33 @@ trial: one of `trajectory_files`, with a pose for each tick at its end, as of `S
 estimated the quaternion is that of heading 0, so compare translations: `evo_ape tum truth.txt estimate.txt`. With
 covariances, consistency (ANEES, coverage) is judged, too.
 
-Those of a recording are judged against true ones in files. Poses and stamps are matched, aligned and their errors taken
-as evo does (M. Grupp, github.com/MichaelGrupp/evo): the nearest stamp counts, up to a largest difference; RPE is that
-of the translation between neighbouring poses.
+Those of a recording are judged against true ones in files, matched and aligned as `alignment` says. Errors are those of
+evo (M. Grupp, github.com/MichaelGrupp/evo): RPE is that of the translation between neighbouring poses.
 """
 
 import hashlib
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from functools import reduce
 from itertools import product
 from pathlib import Path
 from tempfile import TemporaryDirectory, mkdtemp
-from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 
+from cooploc.analysis.metrics.alignment import Matched, match_trajectories, rotation
 from cooploc.analysis.metrics.errors import errors
 from cooploc.analysis.metrics.statistics import FIXED
 from cooploc.analysis.metrics.trajectory_files import (
     COVARIANCE,
     TRUTH,
-    Team,
-    Trajectory,
     read_files,
-    read_team,
     team_files,
 )
 from cooploc.estimators import split_labels
-from cooploc.estimators.errors import BadInput, nearest
-from cooploc.estimators.interface import Array, Indices, Mask
+from cooploc.estimators.errors import BadInput
+from cooploc.estimators.interface import Array, Mask
 from cooploc.estimators.label_syntax import parse
 from cooploc.estimators.models import wrap
 from cooploc.scenarios import BUILTIN, simulate
@@ -201,25 +196,6 @@ def _read_team(folder: Path, stream: Stream) -> Trace:
 # ---- trajectories of any recording, against true ones in files
 
 
-ALIGNMENTS = "none", "origin", "se2", "team"
-AXES = "world", "body"
-GAP = 10  # times the usual step between poses
-STANDING = 0.05  # [m] a robot whose path is no larger does not move
-MIRRORED = 0.3  # a path fits so much better once it is mirrored: its frame is
-SHIFTS = np.linspace(-2.0, 2.0, 81)  # [s] by which the stamps of a path may be off
-SHIFTED = 0.5  # a path fits so much better at other times: its clock is off
-BLOCKS = 10  # into which ticks are cut, to see in which axes covariances fit
-
-
-class Matched(NamedTuple):
-    """Trajectories beside the true ones: the poses that every method has, aligned."""
-
-    label: str  # of the truth
-    paths: Mapping[str, Array]  # robot -> (T, 3) true poses
-    teams: Mapping[str, Team]  # method -> robot -> as many poses
-    remarks: tuple[str, ...]
-
-
 def judge_trajectories(
     truth: str | Path | pd.DataFrame,
     estimates: Mapping[str, str | Path | pd.DataFrame],
@@ -265,35 +241,6 @@ def _place_of(name: str, where: object, folder: str) -> Path:
     return Path(where)
 
 
-def match_trajectories(
-    truth: Path, estimates: Mapping[str, str | Path], align: str, axes: str, largest: float = 0.01
-) -> Matched:
-    """Return the poses that all methods have beside the true ones, with the arguments of `judge_trajectories`."""
-    for name, value, known in (("align", align, ALIGNMENTS), ("axes", axes, AXES)):
-        if value not in known:
-            raise BadInput(f"there is no {name} {value!r}; {nearest(value, list(known))}")
-    if not estimates:
-        raise BadInput("there are no estimates to judge: name a folder or bag")
-    true = read_team(truth)
-    teams = {name: read_team(Path(folder), list(true), name) for name, folder in estimates.items()}
-    for name, team in teams.items():
-        if same := next((r for r in true if np.array_equal(team[r].x, true[r].x, equal_nan=True)), ""):
-            raise BadInput(f"{name}: poses of robot {same!r} are the true ones, to the last digit: name other files")
-    matched = {robot: _common(robot, true[robot], teams, largest) for robot in true}
-    paths = {robot: true[robot].x[index] for robot, (index, _) in matched.items()}
-    remarks = [note for team in (true, *teams.values()) for one in team.values() for note in one.notes]
-    remarks = list(dict.fromkeys(remarks)) + _shared_remarks(true, teams, paths, largest)
-    chosen: dict[str, Team] = {}
-    for name, team in teams.items():
-        rows = {robot: matched[robot][1][name] for robot in true}
-        there = {robot: team[robot].select(rows[robot]) for robot in true}
-        chosen[name], said = _align(name, there, paths, align, axes)
-        remarks += said
-        clocks = (_clock_remark(f"{name}: robot {robot!r}", team[robot], true[robot]) for robot in true)
-        remarks += filter(None, clocks)
-    return Matched(truth.resolve().name, paths, chosen, tuple(remarks))
-
-
 def mean_drift(rows: pd.DataFrame) -> pd.DataFrame:
     """Return RPE [m] and error of the heading [rad] of every method, root mean squares with intervals over pieces."""
     found = []
@@ -305,203 +252,6 @@ def mean_drift(rows: pd.DataFrame) -> pd.DataFrame:
             one |= dict(zip((column, f"{column}_low", f"{column}_high"), np.sqrt(ends), strict=True))
         found.append(one)
     return pd.DataFrame(found)
-
-
-# ---- stamps and frames
-
-
-def _common(
-    robot: str, true: Trajectory, teams: Mapping[str, Team], largest: float
-) -> tuple[Indices, dict[str, Indices]]:
-    """Return the true poses that all methods have an estimate for, and which of each method's poses those are."""
-    pairs = {name: match_stamps(true.stamp, team[robot].stamp, largest) for name, team in teams.items()}
-    for name, (index, _) in pairs.items():
-        if not len(index):
-            own, t = teams[name][robot].stamp, true.stamp
-            nearest_true, rows = match_stamps(t, own, np.inf)
-            away = np.abs(own[rows] - t[nearest_true]).max()
-            remedy = "; ".join(
-                {"write both by one clock": 0, **dict.fromkeys((*true.notes, *teams[name][robot].notes))}
-            )
-            if away < GAP * np.median(np.diff(t)):  # one clock, and stamps between those of the truth
-                remedy = f"interpolate the true poses at its stamps, or allow more by --within {away:.2g}"
-            raise BadInput(
-                f"{name}: no stamp of robot {robot!r} ({own[0]:.10g} to {own[-1]:.10g} s) is within {largest:g} s of "
-                f"one of the truth ({t[0]:.10g} to {t[-1]:.10g} s): {remedy}"
-            )
-    if len(pairs) == 1:
-        (name, (index, rows)), *_ = pairs.items()
-        return index, {name: rows}
-    common = reduce(np.intersect1d, (index for index, _ in pairs.values()))
-    if not len(common):
-        raise BadInput(f"robot {robot!r}: no true pose is met by all of {', '.join(pairs)}: judge them one by one")
-    return common, {name: rows[np.searchsorted(index, common)] for name, (index, rows) in pairs.items()}
-
-
-def _shared_remarks(true: Team, teams: Mapping[str, Team], paths: Mapping[str, Array], largest: float) -> list[str]:
-    """Return remarks on robots that hardly move, and on poses that a method lacks, as nobody is judged there."""
-    remarks = []
-    for robot, path in paths.items():
-        stamps, most = true[robot].stamp, 0
-        for name, team in teams.items():
-            index, _ = match_stamps(stamps, team[robot].stamp, largest)
-            most = max(most, len(index))
-            steps, span = np.diff(stamps[[0, *index, -1]]), stamps[-1] - stamps[0]
-            away = steps[steps > GAP * np.median(np.diff(stamps[index]))].sum() if len(index) > 1 else 0.0
-            if away > 0.1 * span:
-                remarks.append(
-                    f"{name}: robot {robot!r} has no poses in {away:.4g} of {span:.4g} s, and is not judged there"
-                )
-        if len(path) < 0.9 * most:
-            remarks.append(f"robot {robot!r}: {len(path)} of {most} poses are judged; not every method has the others")
-        if np.ptp(path[:, :2], axis=0).max() < STANDING:
-            remarks.append(
-                f"robot {robot!r} stands, within {STANDING:g} m: its RPE is noise, and --align se2 turns it at random"
-            )
-    return remarks
-
-
-def match_stamps(a: Array, b: Array, largest: float) -> tuple[Indices, Indices]:
-    """Return the rows of a and of b whose stamps are nearest, for each stamp of the shorter one, as evo does."""
-    if len(b) > len(a):
-        rows, index = match_stamps(b, a, largest)
-        return index, rows
-    right = np.searchsorted(a, b).clip(1, max(len(a) - 1, 1))
-    candidates = np.stack([right - 1, np.minimum(right, len(a) - 1)])
-    away = np.abs(a[candidates] - b)
-    nearer = np.take_along_axis(candidates, away.argmin(0)[None], 0)[0]
-    met = away.min(0) <= largest
-    return nearer[met], np.flatnonzero(met)
-
-
-def _align(
-    name: str, team: Mapping[str, Trajectory], paths: Mapping[str, Array], align: str, axes: str
-) -> tuple[dict[str, Trajectory], list[str]]:
-    """Return a team's trajectories in the frame of the truth, covariances in its axes, and remarks."""
-    remarks, found = [], {}
-    if all(np.isnan(one.P[:, :2, :2]).all() for one in team.values()):
-        remarks.append(f"{name} has no covariances, or zeros alone: its consistency is not known")
-    everywhere = ([one.x for one in team.values()], paths.values())
-    together = fit_frame(*(np.concatenate([x[:, :2] for x in all_of]) for all_of in everywhere))
-    for robot, one in team.items():
-        true, of = paths[robot], f"{name}: robot {robot!r}"
-        _require_units(of, one.x, true)
-        angle, shift, residual = fit_frame(one.x[:, :2], true[:, :2])
-        mirrored = fit_frame(one.x[:, :2] * [1, -1], true[:, :2])[2]
-        if mirrored < MIRRORED * residual:
-            fits = f"it fits the truth to {mirrored:.3g} m with y turned round, and to {residual:.3g} m as it is"
-            raise BadInput(f"{of} has a mirrored path: {fits}: write it with x forward and y left")
-        plain = float(np.sqrt(((one.x[:, :2] - true[:, :2]) ** 2).sum(1).mean()))
-        if align == "none" and residual < plain / 5:
-            errs = f"{of} errs by {plain:.3g} m, and by {residual:.3g} m once aligned"
-            remarks.append(f"{errs}: if it is in another frame, --align se2")
-        if singular := np.count_nonzero(one.P[:, 0, 0] * one.P[:, 1, 1] == one.P[:, 0, 1] ** 2):
-            remarks.append(f"{of} has {singular} singular covariances: with any error there, ANEES is infinite")
-        if align == "origin" and not np.isfinite(true[0, 2] - one.x[0, 2]):
-            raise BadInput(f"{of} has no heading in its first pose, or the truth: choose --align se2")
-        if axes == "body" and np.isfinite(one.P[:, :2, :2]).any() and not np.isfinite(one.x[:, 2]).all():
-            raise BadInput(f"{of} has no heading for axes of its body: add it, or choose --axes world")
-        in_world = one._replace(P=turn_covariances(one.P, one.x[:, 2]))
-        remarks += _axes_remark(f"{name}: the covariances of robot {robot!r}", one, in_world.P, true, axes)
-        one = in_world if axes == "body" else one
-        if align == "origin":
-            angle = float(wrap(true[0, 2] - one.x[0, 2]))
-            shift = true[0, :2] - rotation(angle) @ one.x[0, :2]
-        elif align == "team":
-            angle, shift, _ = together
-        if align != "none":
-            x = np.column_stack([one.x[:, :2] @ rotation(angle).T + shift, wrap(one.x[:, 2] + angle)])
-            one = one._replace(x=x, P=turn_covariances(one.P, np.full(len(x), angle)))
-        found[robot] = one
-    return found, remarks
-
-
-def _clock_remark(of: str, one: Trajectory, true: Trajectory) -> str:
-    """Return a remark where a path fits the truth far better at earlier or later times; "" else."""
-    few = one.select(np.unique(np.linspace(0, len(one.stamp) - 1, 1000).astype(int)))
-
-    def misfit(shift: float) -> float:
-        at = few.stamp + shift
-        inside = (at >= true.stamp[0]) & (at <= true.stamp[-1])
-        if inside.sum() < max(3, len(at) / 2):
-            return np.inf
-        path = np.stack([np.interp(at[inside], true.stamp, true.x[:, k]) for k in range(2)], -1)
-        return fit_frame(few.x[inside, :2], path)[2]
-
-    misfits = [misfit(shift) for shift in SHIFTS.tolist()]
-    shift, best, now = float(SHIFTS[np.argmin(misfits)]), min(misfits), misfit(0.0)
-    if not best < SHIFTED * now < np.inf:
-        return ""
-    fits = f"fits the truth to {now:.3g} m once aligned, and to {best:.3g} m with {shift:.3g} s added to its stamps"
-    return f"{of} {fits}: if clocks differ, add them"
-
-
-def _require_units(of: str, x: Array, true: Array) -> None:
-    """Refuse a path (T, 3) that fits the true one in another unit of length, or whose headings do as degrees."""
-    spread, size = (float(np.sqrt(path[:, :2].var(0).sum())) for path in (true, x))
-    times = size / spread if spread > STANDING and size > 0 else 1.0
-    if not 0.1 < times < 10 and fit_frame(x[:, :2] / times, true[:, :2])[2] < MIRRORED * spread:
-        raise BadInput(f"{of} has the true path {times:.3g} times as large: write m, or name its columns x_mm, y_mm")
-    both = np.isfinite(x[:, 2]) & np.isfinite(true[:, 2])
-    as_it_is, as_degrees = (abs(np.exp(1j * (true[both, 2] - h)).sum()) for h in (x[both, 2], np.radians(x[both, 2])))
-    if as_it_is < 0.5 * both.sum() < 0.9 * both.sum() < as_degrees:
-        raise BadInput(f"{of} has headings that fit the truth as degrees: write rad, or name the column heading_deg")
-
-
-def rotation(angle: float | Array) -> Array:
-    """Return the matrices (..., 2, 2) that turn the plane by angles (...) [rad]."""
-    c, s = np.cos(angle), np.sin(angle)
-    return np.stack([np.stack([c, -s], -1), np.stack([s, c], -1)], -2)
-
-
-def fit_frame(a: Array, b: Array) -> tuple[float, Array, float]:
-    """Return the angle and shift of least squares that take points a (m, 2) to b, and the RMSE that is left.
-
-    Source: S. Umeyama, IEEE Trans. PAMI 13, 1991, without scale; in the plane its rotation is one angle.
-    """
-    from_a, from_b = a - a.mean(0), b - b.mean(0)
-    angle = float(
-        np.arctan2((from_a[:, 0] * from_b[:, 1] - from_a[:, 1] * from_b[:, 0]).sum(), (from_a * from_b).sum())
-    )
-    shift = b.mean(0) - rotation(angle) @ a.mean(0)
-    left = from_b - from_a @ rotation(angle).T
-    return angle, shift, float(np.sqrt((left**2).sum(1).mean()))
-
-
-def turn_covariances(P: Array, angle: Array) -> Array:
-    """Return covariances (T, 3, 3) in axes that are turned back by an angle (T,) [rad]: R P R'; heading's stays."""
-    R = np.tile(np.eye(3), (len(P), 1, 1))
-    R[:, :2, :2] = rotation(angle)
-    known = np.where(np.isnan(P), 0.0, P)
-    return np.where(np.isnan(P), np.nan, R @ known @ R.swapaxes(1, 2))
-
-
-def _axes_remark(of: str, one: Trajectory, turned: Array, true: Array, axes: str) -> list[str]:
-    """Return a remark where errors fit covariances in the other axes better, in almost every part of the path.
-
-    `turned` are the covariances if they are stated in the robot's axes. The determinant is the same in both, so that
-    the smaller NEES is the likelier.
-    """
-    error = one.x[:, :2] - true[:, :2]
-    known: Mask = np.asarray(np.isfinite(one.P[:, :2, :2] + turned[:, :2, :2]).all((1, 2)))
-    known &= np.linalg.det(np.where(known[:, None, None], one.P[:, :2, :2], 0.0)) > 0
-    if np.count_nonzero(known) < 10 * BLOCKS:
-        return []
-    nees = {
-        said: np.einsum("ti,ti->t", error[known], np.linalg.solve(P[known, :2, :2], error[known][..., None])[..., 0])
-        / 2
-        for said, P in zip(AXES, (one.P, turned), strict=True)
-    }
-    (other,) = {*AXES} - {axes}
-    here, there = nees[axes], nees[other]
-    parts = zip(np.array_split(here, BLOCKS), np.array_split(there, BLOCKS), strict=True)
-    better = sum(b.mean() < a.mean() for a, b in parts)
-    if better < BLOCKS - 1 or there.mean() > 0.8 * here.mean():
-        return []
-    return [
-        f"{of} fit in axes of the {other} (ANEES {there.mean():.3g}) better than in those of the {axes} "
-        f"({here.mean():.3g}): if they are stated so, --axes {other}"
-    ]
 
 
 # ---- rows

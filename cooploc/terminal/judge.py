@@ -5,13 +5,13 @@ from pathlib import Path
 
 import pandas as pd
 
+from cooploc.analysis.metrics.alignment import match_trajectories
 from cooploc.analysis.metrics.compare import compare
 from cooploc.analysis.metrics.external import (
     drift,
     evaluate_external,
     in_pieces,
     judge_pieces,
-    match_trajectories,
     mean_drift,
 )
 from cooploc.analysis.report.tables import csv_text, frame

@@ -11,7 +11,8 @@ from processes import inside
 
 import cooploc as cl
 from cooploc import BadInput
-from cooploc.analysis.metrics.external import judge_trajectories, match_stamps, mean_drift
+from cooploc.analysis.metrics.alignment import match_stamps
+from cooploc.analysis.metrics.external import judge_trajectories, mean_drift
 
 ROBOTS = "red", "blue"
 
@@ -91,6 +92,19 @@ def test_a_clock_that_is_off_by_enough_to_matter_is_noted(late):
     clocks = [note for note in notes if "stamps" in note]
     assert bool(clocks) == (abs(late) > 0.1)
     assert all(f"m with {-late:.3g} s added to its stamps: if clocks differ, add them" in note for note in clocks)
+
+
+@pytest.mark.parametrize("scale", [1.0, 0.97, 0.5, 2.0])
+def test_a_path_of_another_size_is_noted(scale):
+    t, paths = paths_of_all()
+    other = paths["mine"]["red"] * [scale, scale, 1]
+    _, (_, *notes) = judge_trajectories(frame_of(t, paths["truth"]["red"]), {"mine": frame_of(t, other)}, align="se2")
+    sizes = [note for note in notes if "lengths times" in note]
+    assert bool(sizes) == (scale in (0.5, 2.0))
+    assert all(
+        float(note.partition("lengths times ")[2].partition(":")[0]) == pytest.approx(1 / scale, rel=0.02)
+        for note in sizes
+    )
 
 
 def test_stamps_meet_as_by_brute_force():
