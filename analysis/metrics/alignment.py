@@ -74,10 +74,8 @@ def _common(
             own, t = teams[name][robot].stamp, true.stamp
             nearest_true, rows = match_stamps(t, own, np.inf)
             away = np.abs(own[rows] - t[nearest_true]).max()
-            remedy = "; ".join(
-                {"write both by one clock": 0, **dict.fromkeys((*true.notes, *teams[name][robot].notes))}
-            )
-            if away < GAP * np.median(np.diff(t)):  # one clock, and stamps between those of the truth
+            remedy = "; ".join(["write both by one clock", *dict.fromkeys((*true.notes, *teams[name][robot].notes))])
+            if len(t) > 1 and away < GAP * np.median(np.diff(t)):  # one clock, and stamps between those of the truth
                 remedy = f"interpolate the true poses at its stamps, or allow more by --within {away:.2g}"
             raise BadInput(
                 f"{name}: no stamp of robot {robot!r} ({own[0]:.10g} to {own[-1]:.10g} s) is within {largest:g} s of "

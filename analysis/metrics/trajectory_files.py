@@ -311,7 +311,8 @@ def _columns_of(
     head, table = [*columns], CsvTable(path.name, columns)
     if table.is_nameless and len(head) == KITTI and not any(isinstance(each, tuple) for each in columns.values()):
         rotations = np.column_stack([*columns.values()]).reshape(-1, 3, 4)[:, :, :3]
-        if np.median(np.abs(np.linalg.det(rotations) - 1)) < UNIT:
+        rotations = rotations[np.isfinite(rotations).all((1, 2))]
+        if len(rotations) and np.median(np.abs(np.linalg.det(rotations) - 1)) < UNIT:
             return head, {}, {}
     guesses = infer_columns(table._replace(name=f"{TRUTH}/{path.name}") if table.is_nameless else table)
     both = len({guess.side == TRUTH for guess in guesses if guess.quantity == "x"}) == 2

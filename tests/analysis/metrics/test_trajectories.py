@@ -410,6 +410,28 @@ def test_true_poses_may_lie_beside_those_of_methods(team, place, tmp_path):
             judge_trajectories(tmp_path, {"mine": tmp_path})
 
 
+def test_where_stamps_never_meet_it_is_said_which_file_has_none(tmp_path):
+    (tmp_path / "truth.csv").write_text("stamp,x,y\n1000.5,0,0\n")
+    (tmp_path / "mine.csv").write_text("x,y\n1,2\n3,4\n")
+    said = "1000.5 to 1000.5 s.: write both by one clock; poses without stamps have the numbers of their lines"
+    with pytest.raises(BadInput, match=said):
+        judge_trajectories(tmp_path / "truth.csv", {"mine": tmp_path / "mine.csv"})
+
+
+@pytest.mark.parametrize("torn", ["nan", "1e999"])
+def test_poses_of_kitti_that_are_no_numbers_are_left_out(tmp_path, torn):
+    t, paths = paths_of_all()
+    for method in ("truth", "mine"):
+        write_kitti(tmp_path / method, t, paths[method]["red"])
+    lines = (tmp_path / "mine.txt").read_text().splitlines()
+    lines[7] = lines[7].replace(lines[7].split()[3], torn, 1)
+    (tmp_path / "mine.txt").write_text("\n".join(lines) + "\n")
+    rows, _ = judge_trajectories(tmp_path / "truth.txt", {"mine": tmp_path / "mine.txt"})
+    error = np.delete((paths["mine"]["red"] - paths["truth"]["red"])[:, :2], 7, axis=0)
+    assert rows["ticks"].item() == len(t) - 1
+    assert rows["rmse"].item() == pytest.approx(np.sqrt((error**2).sum(1).mean()), rel=1e-6)
+
+
 def test_a_quaternion_of_zeros_is_no_heading(honest, tmp_path):
     t, true, x, *_ = honest
     write_tum(tmp_path / "truth.txt", t, true)
