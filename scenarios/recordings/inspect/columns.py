@@ -21,7 +21,7 @@ from cooploc.scenarios.recordings.text_files import (
     split_fields,
 )
 
-SEVERAL_KINDS = "lines of several kinds"  # begin with what they are, and have other numbers of fields
+SEVERAL_KINDS = "lines of several kinds"
 
 
 class Guess(NamedTuple):
@@ -76,14 +76,11 @@ def read_csv(path: Path, name: str) -> CsvTable:
     once = {naming.name_meaning(name)[0] for name in head if name not in twice}
     if missed := next((name for name in head if name in twice and naming.name_meaning(name)[0] not in {"", *once}), ""):
         raise BadInput(f"{path}, line {line}: two columns are named {short_repr(missed)}; rename one")
-    sizes: dict[str, list[int]] = {}
-    for _, row in rows[:1000]:
-        sizes.setdefault(row[0], []).append(len(row))
-    of_words = all(word and np.isinf(parse_field(word)) for word in sizes)
-    again = 1 < len(sizes) <= len(rows) / 2  # sentences begin with another word each
-    if of_words and again and len(sizes) <= 20 and len({*map(statistics.mode, sizes.values())}) > 1:
-        kinds = ", ".join([*map(short_repr, [*sizes][:3]), *["..."] * (len(sizes) > 3)])
-        raise BadInput(f"{path}: {SEVERAL_KINDS} ({kinds}); write a file of each kind, with a line of names above")
+    if kinds := _kinds_of_lines(head, [row for _, row in rows[:1000]]):
+        shown = ", ".join([*map(short_repr, kinds[:3]), *["..."] * (len(kinds) > 3)])
+        own = re.sub(r"\W", "", kinds[0]).lower()
+        example = f"grep -F '{kinds[0]}' {path.name} > {own}_{path.name}"
+        raise BadInput(f"{path}: {SEVERAL_KINDS} ({shown}); write a file of each, such as {example}")
     whole = [row for _, row in rows if len(row) == len(head)]
     below = whole[0] if whole and not any(np.isfinite(parse_field(word)) for word in whole[0]) else ()
     is_units = {"".join(naming.words_of(word)[:1]) for word in below} & {"s", "sec", "ms", "us", "ns"}
@@ -104,6 +101,24 @@ def read_csv(path: Path, name: str) -> CsvTable:
             columns.setdefault(patterns.get(column, column), np.where(good, numbers, np.nan) if is_number else words)
     found = CsvTable(name, columns, (), robots, {patterns.get(c, c): unit for c, unit in units.items()})
     return found._replace(guesses=infer_columns(found))
+
+
+def _kinds_of_lines(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+    """Return the words with which lines of several kinds begin, at once or after a stamp; none of a plain table.
+
+    Lines of different kinds have other numbers of fields, or, without names of columns, the words say what they are.
+    """
+    for k in range(2):
+        sizes: dict[str, list[int]] = {}
+        for row in rows:
+            sizes.setdefault(row[k] if len(row) > k else "", []).append(len(row))
+        of_words = all(word and np.isinf(parse_field(word)) for word in sizes)
+        again = 1 < len(sizes) <= min(20, len(rows) / 2)  # sentences begin with another word each
+        meant = {naming.side_of(word) or naming.name_meaning(word)[0] for word in sizes} - {""}
+        differ = len({*map(statistics.mode, sizes.values())}) > 1 or (head[0] == "1" and len(meant) > 1)
+        if of_words and again and differ:
+            return [*sizes]
+    return []
 
 
 def table_of_fields(topic: str, fields: Mapping[str, Sequence[Any]]) -> CsvTable:

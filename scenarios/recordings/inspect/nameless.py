@@ -63,7 +63,13 @@ def names_by_values(columns: Mapping[str, Array | tuple[str, ...]], file: str) -
         return {}
     rest = [column for column in of if column not in (time, *counters)]
     leading = takewhile(lambda column: _are_numbers_of_things(of[column]), rest)
-    names = [*(column for column in columns if column not in numbers), *leading]
+    texts = [column for column in columns if column not in numbers]
+    labels = [
+        c
+        for c in texts
+        if len({*columns[c]}) == 1 and (naming.side_of(w := columns[c][0]) or naming.name_meaning(w)[0])
+    ]
+    names = [*(column for column in texts if column not in labels), *leading]
     rest = [column for column in rest if column not in names]
     measured = _measured([of[column] for column in rest], file)
     things = ("robot", "other")[:: 1 if len(names) > 1 else -1] if "range" in measured else ("robot",)
@@ -71,7 +77,7 @@ def names_by_values(columns: Mapping[str, Array | tuple[str, ...]], file: str) -
         return {}
     known = {
         time: "time",
-        **{column: f"{SPARE} {column}" for column in counters},
+        **{column: f"{SPARE} {column}" for column in (*counters, *labels)},
         **dict(zip(rest, measured, strict=True)),
         **dict(zip(names, things, strict=False)),
     }

@@ -2,6 +2,7 @@
 
 import itertools
 import re
+import subprocess
 
 import numpy as np
 import pandas as pd
@@ -531,6 +532,31 @@ def test_files_of_mrclam_without_barcodes_say_what_is_missing(tmp_path):
     (tmp_path / "Robot1_Odometry.dat").write_text("1.0 0.1 0.0\n")
     with pytest.raises(cl.BadInput, match=r"holds Barcodes\.dat of a data set of MRCLAM: add it"):
         cl.inspect(tmp_path)
+
+
+@pytest.mark.parametrize("stamp_first", [False, True])
+@pytest.mark.parametrize("headings", [False, True])
+def test_of_lines_of_several_kinds_the_command_that_is_named_makes_files_that_are_read(tmp_path, stamp_first, headings):
+    tables, lines = two_robots(seconds=40), list[str]()
+    for kind, name in (("$ODO", "odom_red.csv"), ("GT", "truth_red.csv")):
+        for stamp, *rest in zip(*tables[name].values(), strict=True):
+            values = " ".join(map(str, rest if headings else rest[:2]))
+            lines.append(f"{stamp} {kind} {values}" if stamp_first else f"{kind} {stamp} {values}")
+    (tmp_path / "red.txt").write_text("\n".join(lines) + "\n")
+    with pytest.raises(
+        cl.BadInput, match=r"lines of several kinds \('\$ODO', 'GT'\); write a file of each, such as grep"
+    ) as e:
+        cl.inspect(tmp_path)
+    command = str(e.value).partition("such as ")[2]
+    assert command == "grep -F '$ODO' red.txt > odo_red.txt"
+    for one in (command, command.replace("$ODO", "GT").replace("odo", "gt")):
+        subprocess.run(one, shell=True, check=True, cwd=tmp_path)
+    (tmp_path / "red.txt").unlink()
+    log = cl.inspect(tmp_path).inspected.log
+    for series, name in ((log.odometry, "odom_red.csv"), (log.truth, "truth_red.csv")):
+        time, *values = tables[name].values()
+        np.testing.assert_allclose(series[0].time, time, atol=1e-6)
+        np.testing.assert_allclose(series[0].values[:, :2], np.transpose(values[:2]), atol=1e-9)
 
 
 @pytest.mark.parametrize(
