@@ -180,9 +180,10 @@ def is_near(time: Array) -> Mask:
 def order_series(time: Array, values: Array, source: str, last: bool = False) -> tuple[Series, list[str]]:
     """Return a series whose stamps rise, and sentences of what was left out or sorted.
 
-    Of the first two columns both must be there, a nan elsewhere is kept. Of lines with one stamp the first stays, or
-    the `last`, as of commands.
+    Of the first two columns both must be there, a nan elsewhere is kept; a line in which all are nan is of something
+    else, and not counted. Of lines with one stamp the first stays, or the `last`, as of commands.
     """
+    other = np.isnan(values).all(-1)
     stamped, near, there = np.isfinite(time), is_near(time), np.isfinite(values[:, :2]).all(-1)
     good = np.flatnonzero(near & there)
     order, notes = time_order(time[good])
@@ -191,7 +192,7 @@ def order_series(time: Array, values: Array, source: str, last: bool = False) ->
     kept = (np.append(rises, True) if last else np.append(True, rises))[: len(time)]
     reasons = {
         "without a stamp": int((~stamped).sum()),
-        "without a number": int((near & ~there).sum()),
+        "without a number": int((near & ~there & ~other).sum()),
         "whose stamp is days from the others": int((stamped & ~near).sum()),
         "whose stamp was given before": int((~kept).sum()),
     }

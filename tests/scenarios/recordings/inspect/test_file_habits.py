@@ -271,6 +271,9 @@ HABITS = {
     "names again": (SAME, {}, lambda text: text.replace("\n", "\n" + text.split("\n")[0] + "\n", 2)),
 }
 
+LOSING = ("JSON lines", "units below", "a line of units", "two tags", "the last line first", "names again")
+LOSING += ("a write that was interrupted",)
+
 
 @pytest.mark.parametrize("habit", HABITS)
 def test_the_team_is_read_from_files_as_others_write_them(tmp_path, habit):
@@ -291,7 +294,7 @@ def test_the_team_is_read_from_files_as_others_write_them(tmp_path, habit):
     inspected = cl.inspect(tmp_path).inspected
     log, day = inspected.log, 86_400 if habit == "times of day" else np.inf
     assert inspected.trial.problem == ""
-    assert {finding.kind for finding in inspected.findings} <= {"dropped"}
+    assert {finding.kind for finding in inspected.findings} == ({"dropped"} if habit in LOSING else set())
     assert list(log.readings) == ["range"]
     assert log.readings["range"].values.max() < 60
     for i, one in enumerate(ROBOTS):
