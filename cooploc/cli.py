@@ -185,9 +185,14 @@ def check(
 
 @app.command()
 def judge(
-    tum: Annotated[list[str], typer.Option(help="[NAME=]DIR of trajectories of another program; may be given again")],
+    tum: Annotated[
+        list[str],
+        typer.Option(help="[NAME=]PLACE of trajectories of another program: folder, file or bag; may be given again"),
+    ],
     stream: Annotated[str, typer.Argument(help="a file that Stream.save wrote, or a scenario")] = "",
-    truth: Annotated[Path | None, typer.Option(help="folder or bag of true trajectories, instead of a stream")] = None,
+    truth: Annotated[
+        Path | None, typer.Option(help="folder, file or bag of true trajectories, instead of a stream")
+    ] = None,
     align: Annotated[str, typer.Option(help="with --truth: none, or origin, se2 (each robot), team (all)")] = "none",
     axes: Annotated[str, typer.Option(help="with --truth: covariances are in axes of the world or the body")] = "world",
     pieces: Annotated[int, typer.Option(help="with --truth: of the recording, for intervals over them")] = 10,

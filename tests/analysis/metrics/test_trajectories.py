@@ -187,6 +187,16 @@ def test_covariances_are_read_in_every_form_and_honest_ones_are_consistent(hones
     assert notes == ()
 
 
+def test_singular_covariances_are_counted(honest, tmp_path):
+    t, true, x, _, P = honest
+    P = P.copy()
+    P[:7] = [[0.01, 0.02, 0], [0.02, 0.04, 0], [0, 0, 4e-4]]
+    mine = {"mine": written(tmp_path / "mine", t, x, P, "npz")}
+    write_tum(tmp_path / "red.txt", t, true)
+    _, notes = judge_trajectories(tmp_path / "red.txt", mine)
+    assert notes == ("mine: robot 'red' has 7 singular covariances: with any error there, ANEES is infinite",)
+
+
 def test_covariances_in_the_robots_axes_are_noticed_and_turned(honest, tmp_path):
     t, true, x, body, world = honest
     (tmp_path / "truth").mkdir()
