@@ -266,9 +266,10 @@ def _guess(table: CsvTable, column: str, file_side: str) -> Guess:
             column, quantity, "-dBm", side or file_side, f"{reason}; positive: dBm without their sign, perhaps"
         )
     rises = len(values) > 10 and (change >= 0).all() and np.ptp(values) > 0
-    if rises and (quantity, side) == ("x", "odometry") and ("y", own_side) not in beside:
+    lacks = {"x": ("y", own_side) not in beside and "y", "range": "speed" not in dict(beside) and "speed"}.get(quantity)
+    if rises and side == "odometry" and lacks:
         quantity = "length"
-        reason += " has no y beside it, and its values only rise: a counter of metres"
+        reason += f" has no {lacks} beside it, and its values only rise: a counter of metres"
     values = values[values < no_reading(values)] if quantity == "range" else values
     unit, why = infer_unit(quantity, named_unit, values, _turn_rate(table, column) if quantity == "heading" else np.inf)
     if quantity == "heading" and naming.is_clockwise(column):

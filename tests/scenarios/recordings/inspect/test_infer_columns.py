@@ -196,6 +196,13 @@ def test_a_place_whose_x_only_rises_is_no_counter_where_y_stands_beside_it(tmp_p
     assert found["odom_x"].quantity == "length"
 
 
+@pytest.mark.parametrize(("beside", "quantity"), [("yaw_rate", "length"), ("speed", "range")])
+def test_a_distance_of_odometry_that_only_rises_is_what_was_driven_where_no_speed_is(tmp_path, beside, quantity):
+    t = np.arange(LINES) / 10
+    found = guessed(tmp_path, {"t": t, "distance": t, beside: np.sin(t)}, "odom_red.csv")
+    assert found["distance"].quantity == quantity
+
+
 @pytest.mark.parametrize(
     ("columns", "quantities"),
     [
