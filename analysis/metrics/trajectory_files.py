@@ -54,6 +54,7 @@ from cooploc.scenarios.recordings.inspect.naming import (
     columns_of_robots,
     file_pattern,
     is_on_globe,
+    letters_of,
     match_names,
     name_meaning,
     side_of,
@@ -127,6 +128,10 @@ def read_team(place: Path, robots: Sequence[str] = (), method: str = TRUTH) -> T
     files = {meant.get(name, name): path for name, path in files.items()}
     named = {name: path for name, path in files.items() if not robots or name in robots or len(files) == 1}
     found = read_files(named, method) if files else _read_bag(place, robots, method)
+    for name, robot in meant.items():
+        if letters_of(name) != letters_of(robot) and robot in found:
+            taken = f"{files[robot]} is taken for robot {robot!r}"
+            found[robot] = found[robot]._replace(notes=(*found[robot].notes, taken))
     if len(robots) == len(found) == 1:  # whatever its name
         found = dict(zip(robots, found.values(), strict=True))
     known = list(files) if len(files) > 1 else list(found)
@@ -450,7 +455,9 @@ def _read_bag(place: Path, robots: Sequence[str], method: str) -> dict[str, Traj
         table = np.array(rows[topic])
         lines = TextTable(place, table, np.arange(len(table)))
         P = _covariances(table[:, 4:].reshape(-1, 3, 3), lines, f"{topic}, message")
-        found[robot] = _by_time(place, Trajectory(table[:, 0], table[:, 1:4], P))
+        is_named = len(robots) < 2 or robot in topic.split("/")
+        notes = () if is_named else (f"{place}: topic {topic} is taken for robot {robot!r}",)
+        found[robot] = _by_time(place, Trajectory(table[:, 0], table[:, 1:4], P, notes))
     return found
 
 

@@ -513,12 +513,27 @@ def test_a_bag_may_hold_the_truth_beside_what_a_filter_says(tmp_path, true):
     assert rmse_of(found) == {key: value for key, value in expected(paths).items() if key[0] == "mine"}
 
 
+def test_robots_may_be_called_a_little_otherwise_in_files(tmp_path):
+    t, paths = paths_of_all()
+    for method, name in (("truth", "robot{}"), ("mine", "tb3_{}_ekf")):
+        (tmp_path / method).mkdir()
+        for k, robot in enumerate(ROBOTS):
+            write_tum(tmp_path / method / (name.format(k) + ".txt"), t, paths[method][robot])
+    found, notes = judge_trajectories(tmp_path / "truth", {"mine": tmp_path / "mine"})
+    assert found["rmse"].tolist() == [expected(paths)["mine", robot] for robot in ROBOTS]
+    said = [f"{tmp_path / f'mine/tb3_{k}_ekf.txt'} is taken for robot 'robot{k}'" for k in range(2)]
+    assert list(notes[:2]) == said
+
+
 def test_robots_may_be_called_a_little_otherwise_in_a_bag(tmp_path):
     t, paths = paths_of_all()
     kind = "nav_msgs/msg/Odometry"
     for method, name in (("truth", "/mocap/robot{}/pose"), ("mine", "/tb3_{}/odom")):
         in_a_bag(tmp_path / method, [(name.format(k), kind, (t, paths[method][r])) for k, r in enumerate(ROBOTS)])
-    found, _ = judge_trajectories(tmp_path / "truth", {"mine": tmp_path / "mine"})
+    found, notes = judge_trajectories(tmp_path / "truth", {"mine": tmp_path / "mine"})
+    assert [note.partition(": ")[2] for note in notes[:2]] == [
+        f"topic /tb3_{k}/odom is taken for robot 'robot{k}'" for k in range(2)
+    ]
     assert found["name"].tolist() == ["robot0", "robot1"]
     assert found["rmse"].tolist() == [expected(paths)["mine", robot] for robot in ROBOTS]
 
