@@ -275,10 +275,8 @@ def _read_csv(path: Path, method: str) -> dict[str, Trajectory]:
     found = {}
     if method in robots:  # x_mine beside x_theirs
         robots = (method,)
-    elif method == TRUTH and any(
-        side_of(name) == TRUTH and name_meaning(name)[0] == "x" for name in {*head} - {*patterns}
-    ):
-        return _read_columns(path, text, method, patterns)
+    elif method == TRUTH and any((*name_meaning(name)[::2],) == ("x", TRUTH) for name in {*head} - {*patterns}):
+        return _read_columns(path, text, method, patterns)  # x_gt beside them
     for robot in robots:
         named = {column: pattern for column, pattern in patterns.items() if pattern.replace("{robot}", robot) == column}
         found[robot] = _read_columns(path, text, method, {*patterns} - {*named}, named)[""]
@@ -358,13 +356,8 @@ def _read_columns(
         x[:, 2] = _heading_of(path, np.pad(of_turns, ((0, 0), (4 - len(turns), 0))))
     elif turned:
         x[:, 2] = of_turns[:, 0] * _radians_in(path, turned)
-    P = np.full((len(x), 3, 3), np.nan)
-    for k, (is_entry, i, j, _) in enumerate(entries, n + len(turns)):  # entries after standard deviations
-        P[:, i, j] = P[:, j, i] = values[:, k] if is_entry else values[:, k] ** 2
-    alone = [d for d in (1, 2) if np.isfinite(P[:, d, d]).any() and np.isnan(P[:, :d, d]).all()]
-    for d in alone:
-        P[:, :d, d] = P[:, d, :d] = np.where(np.isnan(P[:, :1, 0]), np.nan, 0.0)
-    if alone:
+    P, is_diagonal = _matrices_of(values[:, n + len(turns) :], entries)
+    if is_diagonal:
         notes += (f"{path}: no columns have covariances beside the diagonal: they count as 0",)
     if CsvTable(path.name, dict.fromkeys(head, ())).is_nameless:
         means = {column: quantity for quantity, guess in own.items() for column in guess.quaternion or (guess.column,)}
@@ -392,7 +385,26 @@ def _radians_in(path: Path, heading: Guess) -> float:
     return named
 
 
-def _entry_of(named: str, column: str) -> tuple[bool, int, int, str] | None:
+CovarianceColumn = tuple[
+    bool, int, int, str
+]  # of a covariance, not a standard deviation; row, column; the name of its column
+
+
+def _matrices_of(values: Array, entries: Sequence[CovarianceColumn]) -> tuple[Array, bool]:
+    """Return covariances (T, 3, 3) of their entries (T, k), and whether those of some axes have the diagonal alone.
+
+    Their other entries are 0 then.
+    """
+    P = np.full((len(values), 3, 3), np.nan)
+    for (is_entry, i, j, _), own in zip(entries, values.T, strict=True):  # entries come after standard deviations
+        P[:, i, j] = P[:, j, i] = own if is_entry else own**2
+    alone = [d for d in (1, 2) if np.isfinite(P[:, d, d]).any() and np.isnan(P[:, :d, d]).all()]
+    for d in alone:
+        P[:, :d, d] = P[:, d, :d] = np.where(np.isnan(P[:, :1, 0]), np.nan, 0.0)
+    return P, bool(alone)
+
+
+def _entry_of(named: str, column: str) -> CovarianceColumn | None:
     """Return whether a column is of a covariance, or of a standard deviation, and the row and the column of its entry.
 
     By its name: xx, Pxy, cov_yy, var_x, sigma_x, std_theta, or covariance7 and covariance[7] of ROS's 36.
