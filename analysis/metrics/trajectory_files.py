@@ -58,6 +58,7 @@ from cooploc.scenarios.recordings.inspect.naming import (
     match_names,
     name_meaning,
     side_of,
+    words_of,
 )
 from cooploc.scenarios.recordings.schema import UNITS
 from cooploc.scenarios.recordings.text_files import (
@@ -75,6 +76,7 @@ from cooploc.scenarios.stream import Truth
 TRUTH = "truth"  # the folder of true trajectories
 COLUMNS = ("timestamp", "tx", "ty", "tz", "qx", "qy", "qz", "qw")
 COVARIANCES = {2: ("timestamp", "xx", "xy", "yy"), 3: ("timestamp", "xx", "xy", "xh", "yy", "yh", "hh")}  # by d
+PLACES = {"landmark", "landmarks", "anchor", "anchors"}  # words of files that are of no robot
 COVARIANCE, STORED, ENDINGS = ".cov.txt", "covariances.npz", (".txt", ".tum", ".csv", ".dat", ".tsv", ".parquet")
 WITH_COVARIANCE = ("nav_msgs/msg/Odometry", "geometry_msgs/msg/PoseWithCovarianceStamped")
 POSES = (
@@ -148,6 +150,7 @@ def team_files(place: Path, method: str = "") -> dict[str, Path]:
     """
     files = sorted(place.iterdir()) if place.is_dir() else [place] * is_text(place)
     files = [path for path in files if ".cov." not in path.name and (path == place or path.suffix in ENDINGS)]
+    files = [path for path in files if path == place or not PLACES & {*words_of(path.stem)}]
     true = [path for path in files if side_of(path.stem) == TRUTH]
     if method and 0 < len(true) < len(files):
         others = [path for path in files if path not in true]
@@ -362,7 +365,7 @@ def _read_columns(
     if CsvTable(path.name, dict.fromkeys(head, ())).is_nameless:
         means = {column: quantity for quantity, guess in own.items() for column in guess.quaternion or (guess.column,)}
         taken = ", ".join(f"{name} for {means.get(name) or 'nothing'}" for name in head)
-        notes += (f"{path} has no names of columns: by values {taken}; if that is wrong, write names above",)
+        notes += (f"{path.parent}: columns without names are by their values {taken}; if that is wrong, write names",)
     names = np.array([row[0] for row in table.names]) if whose else np.empty(0, str)
     one = not 1 < len({*names.tolist()}) <= len(x) / 2  # with a name for every line, they number lines
     if clock:

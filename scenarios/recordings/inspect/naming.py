@@ -212,11 +212,11 @@ def match_names(words: Iterable[str], robots: Sequence[str]) -> dict[str, str]:
     numbers as robots, but for one more or less each, are theirs in order: 1, 2 and 3 of tb3_0, tb3_1 and tb3_2.
     """
     found, words = dict[str, str](), list(dict.fromkeys(words))
-    nameless, numbers = [robot for robot in robots if robot not in words], numbers_of(robots)
-    if len(words) == len(nameless) > 1 and all(map(str.isdigit, words)):
-        counted, known = (sorted(map(int, some)) for some in (words, numbers))
+    nameless, numbers, own = [r for r in robots if r not in words], numbers_of(robots), numbers_of(words)
+    if len(own) == len(words) == len(nameless) > 1 and len({re.sub(r"\d+$", "", word) for word in words}) == 1:
+        counted, known = (sorted(map(int, some)) for some in (own, numbers))
         if [n - counted[0] for n in counted] == [n - known[0] for n in known] and abs(counted[0] - known[0]) == 1:
-            return {word: numbers[str(int(word) - counted[0] + known[0])] for word in words}
+            return {own[str(a)]: numbers[str(b)] for a, b in zip(counted, known, strict=True)}
     forms = (
         letters_of,
         lambda name: "".join(map(str, map(int, re.findall(r"\d+", name)[-1:]))),

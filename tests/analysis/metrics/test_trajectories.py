@@ -1,7 +1,9 @@
 """Trajectories in files: the numbers of evo, covariances in every form and in their axes, faults in one line."""
 
+import os
 import re
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -513,6 +515,22 @@ def test_a_bag_may_hold_the_truth_beside_what_a_filter_says(tmp_path, true):
     assert rmse_of(found) == {key: value for key, value in expected(paths).items() if key[0] == "mine"}
 
 
+REAL = Path(os.environ.get("COOPLOC_DATA", Path(__file__).parents[4] / "shared" / "data")) / "mrclam6"
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not REAL.is_dir(), reason="MRCLAM data set 6 is not here; set COOPLOC_DATA to where mrclam6/ lies")
+def test_by_the_files_of_a_data_set_errors_are_those_of_its_scenario(tmp_path):
+    truth, stream = cl.simulate("mrclam", duration=60, data=REAL)
+    run = cl.run("dead-reckoning", stream)
+    cl.to_tum(truth, run, tmp_path, stream.time)
+    found, _ = judge_trajectories(REAL, {"dead-reckoning": tmp_path / "dead-reckoning"}, largest_difference=0.05)
+    own = cl.errors(truth, run)
+    assert found["name"].tolist() == [f"Robot{k}" for k in range(1, 6)]
+    assert found["ticks"].tolist() == own["ticks"].tolist()
+    np.testing.assert_allclose(found["rmse"], own["rmse"], rtol=1e-3)  # the nearest true pose, not an interpolated one
+
+
 def test_robots_may_be_called_a_little_otherwise_in_files(tmp_path):
     t, paths = paths_of_all()
     for method, name in (("truth", "robot{}"), ("mine", "tb3_{}_ekf")):
@@ -674,7 +692,7 @@ def test_poses_are_read_as_programs_write_them(tmp_path, write):
     assert rmse_of(found) == expected(paths)
     untimed = "poses without stamps have the numbers of their lines, as ticks"
     assert (untimed in notes) == (write in (OF_A_ROBOT["KITTI"], OF_A_ROBOT["no stamps"]))
-    nameless = f"{tmp_path / 'truth/red.csv'} has no names of columns: by values 1 for time, 2 for x, 3 for y, 4 for"
+    nameless = f"{tmp_path / 'truth'}: columns without names are by their values 1 for time, 2 for x, 3 for y, 4 for"
     assert any(note.startswith(nameless) for note in notes) == (write is OF_A_ROBOT["no names"])
 
 

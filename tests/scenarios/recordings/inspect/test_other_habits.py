@@ -208,6 +208,9 @@ def test_beside_a_robot_by_its_name_a_number_is_of_no_robot():
     assert match_names(["2", "1", "3"], [*counted_from_one.values()]) == counted_from_one
     assert match_names(["1", "2"], [*counted_from_one.values()]) == {"1": "tb3_1", "2": "tb3_2"}
     assert match_names(["2", "3", "4"], ["1", "2", "3"]) == {}  # two of them are robots by their names
+    assert match_names(["robot1", "robot0"], ["Robot1", "Robot2"]) == {"robot0": "Robot1", "robot1": "Robot2"}
+    assert match_names(["robot1", "robot2"], ["Robot1", "Robot2"]) == {"robot1": "Robot1", "robot2": "Robot2"}
+    assert match_names(["a0", "b1"], ["tb_1", "tb_2"]) == {"b1": "tb_1"}  # called otherwise, they are not counted
 
 
 def test_numbers_that_a_robot_would_share_with_itself_are_of_anchors(team):
