@@ -291,7 +291,7 @@ def _columns_of(
 ) -> tuple[list[str], dict[str, Guess], dict[str, set[str]]]:
     """Return the names of a CSV file's columns, but for those of `others`, and what the first of each quantity mean.
 
-    They mean nothing in a file of KITTI. Of columns of the truth beside those of an estimate, the method's side counts.
+    They mean nothing in a file of KITTI. Of columns of the truth, of odometry and of an estimate the method's count.
     The column that names methods comes last, with its words for this one.
     """
     head, _, rows = split_fields(text)
@@ -323,6 +323,8 @@ def _columns_of(
     guesses = infer_columns(table._replace(name=f"{TRUTH}/{path.name}") if table.is_nameless else table)
     both = len({guess.side == TRUTH for guess in guesses if guess.quantity == "x"}) == 2
     wanted = [g for g in guesses if not both or g.quantity not in PLACED or (g.side == TRUTH) == (method == TRUTH)]
+    # Of odom_x and ekf_x that of the method comes first, and that of odometry last.
+    wanted.sort(key=lambda g: (method not in re.split(r"[\W_]", g.column), g.side == "odometry"))
     known = {guess.quantity: guess for guess in reversed(wanted)}
     if missing := [quantity for quantity in ("x", "y") if quantity not in known]:
         remedy = "write their names above: stamp,x,y,heading" if table.is_nameless else "name one so"

@@ -737,6 +737,21 @@ def test_the_truth_and_all_methods_may_be_in_one_table(tmp_path, form):
         judge_trajectories(place, {"ours": place})
 
 
+@pytest.mark.parametrize("methods", [("odom", "ekf"), ("ekf", "odom")])
+def test_of_columns_of_odometry_and_of_a_filter_those_of_the_method_count(tmp_path, methods):
+    t, paths = paths_of_all()
+    of = {"gt": "truth", "odom": "theirs", "ekf": "mine"}
+    for robot in ROBOTS:
+        parts = [
+            frame_of(t, paths[of[name]][robot]).drop(columns="t").add_prefix(f"{name}_") for name in ("gt", *methods)
+        ]
+        pd.concat([pd.DataFrame({"t": t}), *parts], axis=1).to_csv(tmp_path / f"{robot}.csv", index=False)
+    found, _ = judge_trajectories(tmp_path, dict.fromkeys(("ekf", "odom", "other"), tmp_path))
+    errors = {key: found.loc[found["estimator"] == key, "rmse"].tolist() for key in ("ekf", "odom", "other")}
+    for key, method in (("ekf", "mine"), ("odom", "theirs"), ("other", "mine")):
+        assert errors[key] == [expected(paths)[method, robot] for robot in sorted(ROBOTS)]
+
+
 def test_columns_of_the_truth_beside_an_estimate_are_of_the_truth_alone(tmp_path):
     t, paths = paths_of_all()
     del paths["theirs"]
