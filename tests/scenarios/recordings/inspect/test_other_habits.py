@@ -540,26 +540,46 @@ def test_files_of_mrclam_without_barcodes_say_what_is_missing(tmp_path):
 @pytest.mark.parametrize("stamp_first", [False, True])
 @pytest.mark.parametrize("headings", [False, True])
 def test_of_lines_of_several_kinds_the_command_that_is_named_makes_files_that_are_read(tmp_path, stamp_first, headings):
-    tables, lines = two_robots(seconds=40), list[str]()
-    for kind, name in (("$ODO", "odom_red.csv"), ("GT", "truth_red.csv")):
-        for stamp, *rest in zip(*tables[name].values(), strict=True):
-            values = " ".join(map(str, rest if headings else rest[:2]))
-            lines.append(f"{stamp} {kind} {values}" if stamp_first else f"{kind} {stamp} {values}")
-    (tmp_path / "red.txt").write_text("\n".join(lines) + "\n")
-    with pytest.raises(
-        cl.BadInput, match=r"lines of several kinds \('\$ODO', 'GT'\); write a file of each, such as grep"
-    ) as e:
+    tables = two_robots(seconds=40)
+    for robot in ROBOTS:
+        lines = list[str]()
+        for kind, name in (("$ODO", f"odom_{robot}.csv"), ("GT", f"truth_{robot}.csv")):
+            for stamp, *rest in zip(*tables[name].values(), strict=True):
+                values = " ".join(map(str, rest if headings else rest[:2]))
+                lines.append(f"{stamp} {kind} {values}" if stamp_first else f"{kind} {stamp} {values}")
+        (tmp_path / f"{robot}.txt").write_text("\n".join(lines) + "\n")
+    said = r"kinds \('\$ODO', 'GT'\); write a file of each, such as grep -F '\$ODO' blue.txt > odo_blue.txt"
+    with pytest.raises(cl.BadInput, match=said) as e:
         cl.inspect(tmp_path)
     command = str(e.value).partition("such as ")[2]
-    assert command == "grep -F '$ODO' red.txt > odo_red.txt"
-    for one in (command, command.replace("$ODO", "GT").replace("odo", "gt")):
-        subprocess.run(one, shell=True, check=True, cwd=tmp_path)
-    (tmp_path / "red.txt").unlink()
+    for robot in ROBOTS:
+        own = command.replace("blue", robot)
+        for one in (own, own.replace("$ODO", "GT").replace("odo", "gt")):
+            subprocess.run(one, shell=True, check=True, cwd=tmp_path)
+        (tmp_path / f"{robot}.txt").unlink()
     log = cl.inspect(tmp_path).inspected.log
-    for series, name in ((log.odometry, "odom_red.csv"), (log.truth, "truth_red.csv")):
-        time, *values = tables[name].values()
-        np.testing.assert_allclose(series[0].time, time, atol=1e-6)
-        np.testing.assert_allclose(series[0].values[:, :2], np.transpose(values[:2]), atol=1e-9)
+    assert sorted(log.robots) == sorted(ROBOTS)
+    for k, robot in enumerate(log.robots):
+        for series, kind in ((log.odometry, "odom"), (log.truth, "truth")):
+            time, *values = tables[f"{kind}_{robot}.csv"].values()
+            np.testing.assert_allclose(series[k].time, time, atol=1e-6)
+            np.testing.assert_allclose(series[k].values[:, :2], np.transpose(values[:2]), atol=1e-9)
+
+
+@pytest.mark.parametrize("beside", ["anchors", "a third robot"])
+def test_a_range_that_names_nothing_is_of_both_robots_only_where_there_is_nothing_else(tmp_path, beside):
+    tables = {name: pd.DataFrame(columns) for name, columns in two_robots(seconds=40).items()}
+    tables["uwb.csv"] = tables["uwb.csv"][["time", "range"]]
+    if beside == "anchors":
+        tables["anchors.csv"] = pd.DataFrame({"id": ["A1", "A2"], "x": [0.0, 8.0], "y": [0.0, 8.0]})
+    else:
+        for kind in KINDS:
+            tables[f"{kind}_green.csv"] = tables[f"{kind}_red.csv"]
+    for name, table in tables.items():
+        table.to_csv(tmp_path / name, index=False)
+    inspected = cl.inspect(tmp_path).inspected
+    assert inspected.log.readings == {}
+    assert any("uwb.csv: looks like ranges, but does not say whose it is" in line for line in inspected.unused)
 
 
 @pytest.mark.parametrize(
