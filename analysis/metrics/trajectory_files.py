@@ -310,7 +310,8 @@ def _columns_of(
             columns[name] = np.where(np.isinf(numbers), np.nan, numbers)
             continue
         words = {fields[k] for fields in whole}
-        if own := {word for word in words if word == method or method == TRUTH == side_of(word)}:
+        is_flag = {word.lower() for word in words} <= {"true", "false"}
+        if own := {word for word in words if word == method or (method == TRUTH == side_of(word) and not is_flag)}:
             of_method = {name: own}
         else:
             columns[name] = some

@@ -712,6 +712,13 @@ def columns_of_methods(folder, t, paths, true="gt"):
     return folder
 
 
+def test_a_flag_names_no_method(tmp_path):
+    t, paths = paths_of_all()
+    true, mine = (frame_of(t, paths[name]["red"]).assign(seen=t > 5.0) for name in ("truth", "mine"))
+    found, _ = judge_trajectories(true, {"mine": mine})
+    assert found["ticks"].item() == len(t)
+
+
 def test_tables_in_memory_are_judged_as_files_are(tmp_path):
     t, paths = paths_of_all()
     results = pd.read_csv(one_table(tmp_path, t, paths))
