@@ -400,7 +400,7 @@ def _draft_table(part: TablePart, robots: tuple[str, ...], fixed: Sequence[str],
         if isinstance(found, Entry):
             whose = tuple(column_entry("robot", columns["robot"]) for _ in columns.keys() & {"robot"})
             return DraftTable(table, (file, Entry("time", at, time[0].reason), *whose, found, *_missing(part)))
-        if len(robots) != 2 or len(part.each) > 1 or fixed:
+        if len(robots) != 2 or len(part.each) > 1 or fixed or table == "rssi":  # which is an access point's, mostly
             return f"{names}: {found}"
         guess = part.each[0]._replace(reason=f"{part.each[0].reason}; of the other robot, perhaps")
         columns = {q: guess if g == part.each[0] else g for q, g in columns.items()}

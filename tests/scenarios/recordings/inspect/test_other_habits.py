@@ -566,18 +566,23 @@ def test_of_lines_of_several_kinds_the_command_that_is_named_makes_files_that_ar
             np.testing.assert_allclose(series[k].values[:, :2], np.transpose(values[:2]), atol=1e-9)
 
 
-@pytest.mark.parametrize("beside", ["anchors", "anchors, a file for each robot", "a third robot"])
+@pytest.mark.parametrize("beside", ["anchors", "anchors, a file for each robot", "a third robot", "RSSI of each robot"])
 def test_a_range_that_names_nothing_is_of_both_robots_only_where_there_is_nothing_else(tmp_path, beside):
     tables = {name: pd.DataFrame(columns) for name, columns in two_robots(seconds=40).items()}
     tables["uwb.csv"] = tables["uwb.csv"][["time", "range"]]
     if beside.startswith("anchors"):
         tables["anchors.csv"] = pd.DataFrame({"id": ["A1", "A2"], "x": [0.0, 8.0], "y": [0.0, 8.0]})
-    else:
+    elif beside == "a third robot":
         for kind in KINDS:
             tables[f"{kind}_green.csv"] = tables[f"{kind}_red.csv"]
     said = "uwb.csv: looks like ranges, but does not say whose it is"
     if beside.endswith("each robot"):
         ranges, said = tables.pop("uwb.csv"), "uwb_blue.csv, uwb_red.csv: ranges of things without a name"
+        if beside.startswith("RSSI"):  # of an access point, perhaps
+            ranges, said = (
+                ranges.assign(range=-40 - 5 * ranges["range"]).rename(columns={"range": "rssi"}),
+                said.replace("ranges", "rssi"),
+            )
         tables |= {f"uwb_{robot}.csv": ranges for robot in ROBOTS}
     for name, table in tables.items():
         table.to_csv(tmp_path / name, index=False)
