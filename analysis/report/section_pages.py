@@ -75,7 +75,8 @@ def judged_page(
     """  # fmt: skip
     best, *others = table.to_dict("records")
     ties = [str(one["estimator"]) for one in others if not one["p_holm"] <= 0.05]
-    verdict = f"{best['estimator']} has the smallest RMSE, {metres(best['rmse'])} m"
+    has = "has the smallest RMSE," if others else "has an RMSE of"
+    verdict = f"{best['estimator']} {has} {metres(best['rmse'])} m"
     verdict += f"; it is not told apart from {join_words(ties)}" * bool(ties) + "."
     columns = [one for one in result_columns(table["baseline"], until_decided=False) if one.keys[0] not in RANKS]
     results = Table("results", "Errors with 95 % intervals", tuple(columns), table.to_dict("records"))

@@ -335,6 +335,10 @@ def test_the_command_ranks_methods_and_says_what_is_odd(team, tmp_path):
     assert "ekf-local" in three.stdout
     verdict = "<strong>mine has the smallest RMSE, [0-9.]+ m; it is not told apart from ekf-local.gate=3.[.]</strong>"
     assert re.search(verdict, (tmp_path / "3/index.html").read_text("utf-8"))
+    assert inside("judge", "--truth", team / "truth", *named[:2], "--out", tmp_path / "1").returncode == 0
+    assert re.search(
+        "<strong>mine has an RMSE of [0-9.]+ m[.]</strong>", (tmp_path / "1/index.html").read_text("utf-8")
+    )
     taken = inside("judge", "--truth", team / "truth", *named, "--out", team / "mine/red.txt")
     assert (taken.returncode, len(taken.stderr.strip().splitlines())) == (2, 1)
     refused = inside("judge", "--tum", team / "mine")
