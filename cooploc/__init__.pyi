@@ -6,9 +6,9 @@ from cooploc.analysis.metrics.compare import summarize as summarize
 from cooploc.analysis.metrics.errors import errors as errors
 from cooploc.analysis.metrics.external import judge as judge
 from cooploc.analysis.metrics.external import judge_trajectories as judge_trajectories
+from cooploc.analysis.metrics.external import to_tum as to_tum
 from cooploc.analysis.metrics.smoother import Smoother as Smoother
 from cooploc.analysis.metrics.smoother import smoother as smoother
-from cooploc.analysis.metrics.trajectory_files import to_tum as to_tum
 from cooploc.analysis.tuning.tune import Tuned as Tuned
 from cooploc.analysis.tuning.tune import load_tuned as load_tuned
 from cooploc.analysis.tuning.tune import training as training

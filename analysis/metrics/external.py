@@ -21,7 +21,7 @@ import numpy as np
 import pandas as pd
 
 from cooploc.analysis.metrics.alignment import Matched, match_trajectories, rotation
-from cooploc.analysis.metrics.errors import errors
+from cooploc.analysis.metrics.errors import demand_same, errors
 from cooploc.analysis.metrics.statistics import FIXED
 from cooploc.analysis.metrics.trajectory_files import (
     COVARIANCE,
@@ -191,6 +191,45 @@ def _read_team(folder: Path, stream: Stream) -> Trace:
         name = files[trials[i], int(robot)].stem + COVARIANCE
         raise BadInput(f"{folder}: {name} is missing, and others are there: add it, or remove them")
     return Trace.of(np.ascontiguousarray(x), np.ascontiguousarray(P))
+
+
+def to_tum(truth: Truth, run: Run, folder: str | Path, time: Array | None = None) -> list[Path]:
+    """Write `ESTIMATOR/trial0-robot0.txt` for each trial, robot and estimator, and `truth/trial0-robot0.txt`.
+
+    Beside an estimator's file stands one of its covariances, `trial0-robot0.cov.txt`.
+
+    Characters unfit for a file name become "_". Ticks without truth are left out of the truth's file. `time` (T,) is
+    that of the ticks [s], such as `stream.time`; without it their number, from 1. Return the files, the truth's first.
+
+    """
+    demand_same(truth, run)
+    stamps = np.arange(1.0, truth.x.shape[1] + 1) if time is None else np.asarray(time, float)
+    if stamps.shape != truth.x.shape[1:2]:
+        raise BadInput(f"time has shape {stamps.shape}; it must be ({truth.x.shape[1]},), one number a tick")
+    names = {estimator: re.sub(r"[^\w.,=+\[\]-]", "_", estimator) for estimator in run.traces}
+    for estimator, name in names.items():
+        if name.strip(".") == "" or name.lower() == TRUTH:  # no folder of its own
+            names[estimator] = f"{name}_"
+    if len({name.lower() for name in names.values()}) < len(names):
+        raise BadInput(f"two of {', '.join(names)} would share a folder: rename one in cl.run")
+    none = np.full((*truth.x.shape, truth.x.shape[-1]), np.nan)
+    teams = [(TRUTH, truth.x, none, truth.valid)]
+    teams += [(names[each], trace.x, trace.P, np.ones_like(truth.valid)) for each, trace in run.traces.items()]
+    files = []
+    for name, x, P, known in teams:
+        (Path(folder) / name).mkdir(parents=True, exist_ok=True)
+        for (i, trial), robot in product(enumerate(run.trial), range(x.shape[2])):
+            there = known[i, :, robot]
+            pose = x[i, there, robot]
+            half, zero = (pose[:, 2] / 2 if x.shape[-1] > 2 else np.zeros(len(pose))), np.zeros(len(pose))
+            columns = stamps[there], pose[:, 0], pose[:, 1], zero, zero, zero, np.sin(half), np.cos(half)
+            files.append(Path(folder) / name / f"trial{trial}-robot{robot}.txt")
+            np.savetxt(files[-1], np.column_stack(columns), fmt="%.9f")
+            if np.isfinite(P[i, :, robot]).all():
+                triangle = P[i, :, robot][(slice(None), *np.triu_indices(P.shape[-1]))]
+                beside = files[-1].with_name(files[-1].stem + COVARIANCE)
+                np.savetxt(beside, np.column_stack([stamps, triangle]), fmt=["%.9f", *["%.17g"] * triangle.shape[1]])
+    return files
 
 
 # ---- trajectories of any recording, against true ones in files

@@ -1,4 +1,4 @@
-"""Files of a team's trajectories, of any program: read with their covariances, and ours written for any program.
+"""Files of a team's trajectories, of any program, read with their covariances.
 
 A team is a folder with a file for each robot, or a folder with one; what differs between their names is the robot's.
 The true ones may lie with them, if their names say so: `red_gt.txt` beside `red_mine.txt`, of the method `mine`.
@@ -27,9 +27,9 @@ Source: the TUM RGB-D benchmark, J. Sturm et al., IROS 2012.
 
 import re
 import zipfile
+from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
-from contextlib import suppress
-from itertools import product
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import NamedTuple
 
@@ -37,10 +37,17 @@ import numpy as np
 import pandas as pd
 
 from cooploc.analysis.formats import count_of
-from cooploc.analysis.metrics.errors import demand_same
 from cooploc.estimators.errors import BadInput, nearest
 from cooploc.estimators.interface import Array, Indices, Mask
-from cooploc.scenarios.recordings.bag_storage import KINDS, bag_paths, is_bag, open_bag, stamp_of
+from cooploc.scenarios.recordings.bag_storage import (
+    KINDS,
+    Bag,
+    bag_paths,
+    is_bag,
+    open_bag,
+    stamp_of,
+    storage_files,
+)
 from cooploc.scenarios.recordings.inspect.bag_draft import topics_by_robot
 from cooploc.scenarios.recordings.inspect.columns import (
     EPOCHS,
@@ -61,6 +68,7 @@ from cooploc.scenarios.recordings.inspect.naming import (
     words_of,
 )
 from cooploc.scenarios.recordings.schema import UNITS
+from cooploc.scenarios.recordings.sqlite_recovery import recover
 from cooploc.scenarios.recordings.text_files import (
     TextTable,
     is_text,
@@ -70,8 +78,6 @@ from cooploc.scenarios.recordings.text_files import (
     read_text,
     split_fields,
 )
-from cooploc.scenarios.runner.run import Run
-from cooploc.scenarios.stream import Truth
 
 TRUTH = "truth"  # the folder of true trajectories
 COLUMNS = ("timestamp", "tx", "ty", "tz", "qx", "qy", "qz", "qw")
@@ -449,23 +455,25 @@ def _read_stored(path: Path) -> dict[str, Array]:
 
 
 def _read_bag(place: Path, robots: Sequence[str], method: str) -> dict[str, Trajectory]:
-    """Read the poses in a bag's topics, with their covariances, by robot."""
+    """Read the poses in a bag's topics, with their covariances, by robot; of a damaged bag what can be recovered."""
     kinds: dict[str, str] = {}
     rows: dict[str, list[tuple[float, ...]]] = {}
-    path, paths = place, list[Path]()
+    path, paths, bags, notes = place, list[Path](), list[Bag](), list[str]()
     with suppress(BadInput):  # where there is none
         paths = bag_paths(place) if place.is_dir() or is_bag(place) else []
-    try:
-        for path in paths:
-            with open_bag(path) as bag:
+    with ExitStack() as stack:
+        try:
+            for path in paths:
+                bags += _open_or_recover(path, stack, notes)
+            for bag in bags:
                 kinds |= {t: kind for t, kind in bag.types.items() if kind in POSES and bag.counts.get(t, 1)}
-        chosen = _topics_of_robots(place, kinds, robots, method)
-        for path in paths:
-            _collect_poses(path, rows, {topic: kinds[topic] for topic in chosen.values()})
-    except BadInput:
-        raise
-    except Exception as e:  # rosbags raises whatever its parsers raise on damaged files
-        raise BadInput(f"{path}: cannot be read as a bag ({' '.join(str(e).split())[:100]}); repair it") from None
+            chosen = _topics_of_robots(place, kinds, robots, method)
+            for bag in bags:
+                _collect_poses(bag, rows, {topic: kinds[topic] for topic in chosen.values()})
+        except BadInput:
+            raise
+        except Exception as e:  # rosbags raises whatever its parsers raise on damaged files
+            raise BadInput(f"{path}: cannot be read as a bag ({_reason(e)}); repair it") from None
     if lost := [topic for topic in chosen.values() if topic not in rows]:
         raise BadInput(f"{place}: topic {lost[0]} has no message that can be read: get the bag again")
     found = {}
@@ -474,9 +482,24 @@ def _read_bag(place: Path, robots: Sequence[str], method: str) -> dict[str, Traj
         lines = TextTable(place, table, np.arange(len(table)))
         P = _covariances(table[:, 4:].reshape(-1, 3, 3), lines, f"{topic}, message")
         is_named = len(robots) < 2 or robot in topic.split("/")
-        notes = () if is_named else (f"{place}: topic {topic} is taken for robot {robot!r}",)
-        found[robot] = _by_time(place, Trajectory(table[:, 0], table[:, 1:4], P, notes))
+        taken = () if is_named else (f"{place}: topic {topic} is taken for robot {robot!r}",)
+        found[robot] = _by_time(place, Trajectory(table[:, 0], table[:, 1:4], P, (*notes, *taken)))
     return found
+
+
+def _reason(e: Exception) -> str:
+    return " ".join(str(e).split())[:100]
+
+
+def _open_or_recover(path: Path, stack: ExitStack, notes: list[str]) -> list[Bag]:
+    """Open a bag; of a damaged one return what is recovered of each file, and note how much."""
+    try:
+        return [stack.enter_context(open_bag(path))]
+    except Exception as e:  # rosbags raises whatever its parsers raise on damaged files
+        recovered = [recover(file, _reason(e)) for file in storage_files(path)]
+    notes += [warning for _, warning in recovered]
+    counts = (Counter(topic for topic, *_ in bag.messages(bag.types)) for bag, _ in recovered)
+    return [bag._replace(counts=dict.fromkeys(bag.types, 0) | n) for (bag, _), n in zip(recovered, counts, strict=True)]
 
 
 def _topics_of_robots(place: Path, kinds: Mapping[str, str], robots: Sequence[str], method: str) -> dict[str, str]:
@@ -512,16 +535,15 @@ def _topics_of_robots(place: Path, kinds: Mapping[str, str], robots: Sequence[st
     return {robot: several[0] for robot, several in topics.items()}
 
 
-def _collect_poses(path: Path, rows: dict[str, list[tuple[float, ...]]], kinds: Mapping[str, str]) -> None:
+def _collect_poses(bag: Bag, rows: dict[str, list[tuple[float, ...]]], kinds: Mapping[str, str]) -> None:
     """Add the stamp, pose and covariance of every message of these topics in a bag to the rows of its topic."""
-    with open_bag(path) as bag:
-        for topic, received, raw in bag.messages([topic for topic in kinds if topic in bag.types]):
-            message = bag.decode(raw, kinds[topic])
-            x, y, _, heading = KINDS[kinds[topic]].rows(message)[0][:4]
-            C = np.asarray(message.pose.covariance if kinds[topic] in WITH_COVARIANCE else np.zeros(36), float)
-            C = C.reshape(6, 6)[np.ix_([0, 1, 5], [0, 1, 5])]
-            stamp = 1e-9 * (stamp_of(message) or received)
-            rows.setdefault(topic, []).append((stamp, x, y, heading, *C.ravel()))
+    for topic, received, raw in bag.messages([topic for topic in kinds if topic in bag.types]):
+        message = bag.decode(raw, kinds[topic])
+        x, y, _, heading = KINDS[kinds[topic]].rows(message)[0][:4]
+        C = np.asarray(message.pose.covariance if kinds[topic] in WITH_COVARIANCE else np.zeros(36), float)
+        C = C.reshape(6, 6)[np.ix_([0, 1, 5], [0, 1, 5])]
+        stamp = 1e-9 * (stamp_of(message) or received)
+        rows.setdefault(topic, []).append((stamp, x, y, heading, *C.ravel()))
 
 
 def _from_triangle(values: Array) -> Array:
@@ -553,45 +575,3 @@ def _covariances(P: Array, table: TextTable, line: str = "line") -> Array:
                 f"{where}: the covariance is not positive, its least eigenvalue is {least[row]:.3g}: correct it"
             )
     return out
-
-
-# ---- written
-
-
-def to_tum(truth: Truth, run: Run, folder: str | Path, time: Array | None = None) -> list[Path]:
-    """Write `ESTIMATOR/trial0-robot0.txt` for each trial, robot and estimator, and `truth/trial0-robot0.txt`.
-
-    Beside an estimator's file stands one of its covariances, `trial0-robot0.cov.txt`.
-
-    Characters unfit for a file name become "_". Ticks without truth are left out of the truth's file. `time` (T,) is
-    that of the ticks [s], such as `stream.time`; without it their number, from 1. Return the files, the truth's first.
-
-    """
-    demand_same(truth, run)
-    stamps = np.arange(1.0, truth.x.shape[1] + 1) if time is None else np.asarray(time, float)
-    if stamps.shape != truth.x.shape[1:2]:
-        raise BadInput(f"time has shape {stamps.shape}; it must be ({truth.x.shape[1]},), one number a tick")
-    names = {estimator: re.sub(r"[^\w.,=+\[\]-]", "_", estimator) for estimator in run.traces}
-    for estimator, name in names.items():
-        if name.strip(".") == "" or name.lower() == TRUTH:  # no folder of its own
-            names[estimator] = f"{name}_"
-    if len({name.lower() for name in names.values()}) < len(names):
-        raise BadInput(f"two of {', '.join(names)} would share a folder: rename one in cl.run")
-    none = np.full((*truth.x.shape, truth.x.shape[-1]), np.nan)
-    teams = [(TRUTH, truth.x, none, truth.valid)]
-    teams += [(names[each], trace.x, trace.P, np.ones_like(truth.valid)) for each, trace in run.traces.items()]
-    files = []
-    for name, x, P, known in teams:
-        (Path(folder) / name).mkdir(parents=True, exist_ok=True)
-        for (i, trial), robot in product(enumerate(run.trial), range(x.shape[2])):
-            there = known[i, :, robot]
-            pose = x[i, there, robot]
-            half, zero = (pose[:, 2] / 2 if x.shape[-1] > 2 else np.zeros(len(pose))), np.zeros(len(pose))
-            columns = stamps[there], pose[:, 0], pose[:, 1], zero, zero, zero, np.sin(half), np.cos(half)
-            files.append(Path(folder) / name / f"trial{trial}-robot{robot}.txt")
-            np.savetxt(files[-1], np.column_stack(columns), fmt="%.9f")
-            if np.isfinite(P[i, :, robot]).all():
-                triangle = P[i, :, robot][(slice(None), *np.triu_indices(P.shape[-1]))]
-                beside = files[-1].with_name(files[-1].stem + COVARIANCE)
-                np.savetxt(beside, np.column_stack([stamps, triangle]), fmt=["%.9f", *["%.17g"] * triangle.shape[1]])
-    return files

@@ -519,6 +519,23 @@ def test_a_bag_may_hold_the_truth_beside_what_a_filter_says(tmp_path, true):
     assert rmse_of(found) == {key: value for key, value in expected(paths).items() if key[0] == "mine"}
 
 
+def test_of_a_damaged_bag_what_can_be_recovered_is_judged(tmp_path):
+    t, paths = paths_of_all()
+    kind = "nav_msgs/msg/Odometry"
+    for method in ("truth", "mine"):
+        in_a_bag(
+            tmp_path / method, [(f"/{robot}/{method}", kind, (t + 1.7e9, paths[method][robot])) for robot in ROBOTS]
+        )
+    (file,) = (tmp_path / "mine").glob("*.db3")
+    file.write_bytes(bytes(100) + file.read_bytes()[100:])
+    found, notes = judge_trajectories(tmp_path / "truth", {"mine": tmp_path / "mine"})
+    assert rmse_of(found) == {key: value for key, value in expected(paths).items() if key[0] == "mine"}
+    assert notes[0].startswith(f"{file}: damaged: {2 * len(t)} of {2 * len(t)} messages recovered (")
+    file.write_bytes(bytes(100))
+    with pytest.raises(BadInput, match="and no message is found in it"):
+        judge_trajectories(tmp_path / "truth", {"mine": tmp_path / "mine"})
+
+
 REAL = Path(os.environ.get("COOPLOC_DATA", Path(__file__).parents[4] / "shared" / "data")) / "mrclam6"
 
 
