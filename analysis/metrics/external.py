@@ -265,8 +265,12 @@ def judge_trajectories(
         raise BadInput(f'estimates is a {type(estimates).__name__}: name each, as in {{"mine": "DIR"}}')
     with TemporaryDirectory() as folder:
         places = {name: _place_of(name, where, folder) for name, where in estimates.items()}
-        found = match_trajectories(_place_of(TRUTH, truth, folder), places, align, axes, largest_difference)
-    return judge_pieces(*in_pieces(found, pieces), list(found.paths)), found.remarks
+        own = re.compile(rf"{re.escape(folder)}/[^/]*/")  # of tables; messages name the file alone
+        try:
+            found = match_trajectories(_place_of(TRUTH, truth, folder), places, align, axes, largest_difference)
+        except BadInput as e:
+            raise BadInput(own.sub("", str(e))) from None
+    return judge_pieces(*in_pieces(found, pieces), list(found.paths)), tuple(own.sub("", r) for r in found.remarks)
 
 
 def _place_of(name: str, where: object, folder: str) -> Path:

@@ -95,6 +95,7 @@ AXES = {"x": 0, "y": 1, **dict.fromkeys(("h", "th", "theta", "yaw", "phi", "psi"
 OF_ROS = {0: 0, 1: 1, 5: 2}  # rows of P by those of ROS's 6 x 6
 _AXIS, _DEVIATION = "|".join(AXES), "sigma|std|stddev|sd"
 ENTRY = re.compile(rf"(?:pose|position)?((p|c)|cov|covariance|var|variance|{_DEVIATION})?({_AXIS})({_AXIS})?")
+OTHER_UNITS = {"mm", "cm", "deg", "degs", "degree", "degrees"}  # than m and rad
 KITTI = 12  # numbers in a line: the upper three rows of a 4 x 4 matrix
 TRIANGLE = {d: np.triu_indices(d) for d in (2, 3)}
 LATEST = 1e10  # [s] stamps beyond are in another unit; those of today are below 2e9
@@ -202,7 +203,7 @@ def read_files(files: Mapping[str, Path], method: str = "") -> dict[str, Traject
 def _by_time(place: Path, one: Trajectory) -> Trajectory:
     """Return poses by rising stamps [s], those of a smaller unit since 1970 converted; refuse others.
 
-    So is a file with several poses for most stamps: nothing says whose they are.
+    Of several poses at one stamp the first counts; where most stamps have several, nothing says whose they are.
     """
     if (latest := np.abs(one.stamp).max()) > LATEST:
         low, high = SINCE_1970
@@ -211,10 +212,14 @@ def _by_time(place: Path, one: Trajectory) -> Trajectory:
             raise BadInput(f"{place}: stamps reach {latest:.3g}: write seconds")
         one = one._replace(stamp=one.stamp / units[0])
     one = one.select(np.argsort(one.stamp, kind="stable"))
-    if len(one.stamp) > 2 and (share := float((np.diff(one.stamp) == 0).mean())) > SHARED:
+    again = np.append(False, np.diff(one.stamp) == 0)
+    if len(one.stamp) > 2 and (share := again.mean()) > SHARED:
         remedy = "name robots in a column robot, methods in another as in --tum NAME=, or write stamps with more digits"
         raise BadInput(f"{place}: {share:.0%} of its poses have the stamp of another: {remedy}")
-    return one
+    left_out = (f"{place}: left out {count_of(int(again.sum()), 'pose')} with the stamp of another",) * bool(
+        again.any()
+    )
+    return one._replace(notes=(*one.notes, *left_out)).select(~again)
 
 
 def _poses_of_tum(table: TextTable) -> Trajectory:
@@ -355,7 +360,7 @@ def _read_columns(
     turned, clock = own.get("heading"), next((clock for clock in CLOCKS if {*clock} <= {*own}), ())
     turns = (turned.quaternion or (turned.column,)) if turned else ()
     placed = [own[quantity] for quantity in ("x", "y", *clock)]
-    entries = sorted(entry for name in head if (entry := _entry_of((patterns or {}).get(name, name), name)))
+    entries = _entries_of(path, {name: (patterns or {}).get(name, name) for name in head})
     wanted = (*(guess.column for guess in placed), *turns, *(name for *_, name in entries))
     whose = [own["robot"].column] if "robot" in own else []
     table = _keep(read_lines(path, wanted, [*whose, *of_method]), len(placed), *of_method.values())
@@ -416,6 +421,18 @@ def _matrices_of(values: Array, entries: Sequence[CovarianceColumn]) -> tuple[Ar
     return P, bool(alone)
 
 
+def _entries_of(path: Path, head: Mapping[str, str]) -> list[CovarianceColumn]:
+    """Return the columns of covariances among those of a file; refuse other units than m and rad, and half of them."""
+    entries = sorted(entry for name, named in head.items() if (entry := _entry_of(named, name)))
+    own = {row for _, row, other, _ in entries if row == other} & {0, 1}
+    names = ", ".join(name for *_, name in entries)
+    if len(own) == 1:
+        raise BadInput(f"{path} has {names}, and none of {'xy'[1 - min(own)]} with itself: add it, or remove them")
+    if odd := [name for *_, name in entries if OTHER_UNITS & {*words_of(name)}]:
+        raise BadInput(f"{path}: {odd[0]} has another unit: write covariances, or deviations, of m and rad")
+    return entries if own else []  # x_h and y_h alone are of places
+
+
 def _entry_of(named: str, column: str) -> CovarianceColumn | None:
     """Return whether a column is of a covariance, or of a standard deviation, and the row and the column of its entry.
 
@@ -425,7 +442,8 @@ def _entry_of(named: str, column: str) -> CovarianceColumn | None:
     if numbered := re.search(r"covariance[^a-z\d]?(\d+)\W?$", plain):
         row, other = (OF_ROS.get(k, -1) for k in divmod(int(numbered[1]), 6))
         return (True, row, other, column) if "twist" not in plain and 0 <= row <= other else None
-    entry = ENTRY.fullmatch(re.sub("[^a-z]", "", plain.lower())) if not re.search(r"\d", plain) else None
+    letters = "".join(word for word in words_of(plain) if word not in OTHER_UNITS)
+    entry = ENTRY.fullmatch(letters) if not re.search(r"\d", plain) else None
     if not entry or not (entry[4] or (entry[1] and not entry[2])):
         return None
     row, other = sorted((AXES[entry[3]], AXES[entry[4] or entry[3]]))

@@ -733,6 +733,32 @@ def columns_of_methods(folder, t, paths, true="gt"):
     return folder
 
 
+@pytest.mark.parametrize(
+    ("columns", "said"),
+    [
+        ({"sigma_x [mm]": 100.0, "sigma_y [mm]": 100.0}, "mine.csv: sigma_x [mm] has another unit: write covariances"),
+        ({"sigma_x_mm": 100.0, "sigma_y_mm": 100.0}, "mine.csv: sigma_x_mm has another unit: write covariances"),
+        ({"std_x": 0.1, "std_y": 0.1, "std_yaw_deg": 2.0}, "mine.csv: std_yaw_deg has another unit: write covariances"),
+        ({"sigma_y": 0.1}, "mine.csv has sigma_y, and none of x with itself: add it, or remove them"),
+    ],
+)
+def test_covariances_of_another_unit_or_of_one_axis_are_refused(columns, said):
+    t, paths = paths_of_all()
+    true, mine = (frame_of(t, paths[name]["red"]) for name in ("truth", "mine"))
+    with pytest.raises(BadInput) as e:
+        judge_trajectories(true, {"mine": mine.assign(**columns)})
+    assert str(e.value).startswith(said)
+
+
+def test_of_poses_with_one_stamp_the_first_counts_and_columns_like_hats_are_places():
+    t, paths = paths_of_all()
+    true, mine = (frame_of(t, paths[name]["red"]) for name in ("truth", "mine"))
+    mine = pd.concat([mine, mine.head(100).assign(x=0.0)]).rename(columns={"x": "x_h", "y": "y_h"})
+    found, notes = judge_trajectories(true, {"mine": mine})
+    assert found["rmse"].item() == expected(paths)["mine", "red"]
+    assert notes[0] == "mine.csv: left out 100 poses with the stamp of another"
+
+
 def test_a_flag_names_no_method(tmp_path):
     t, paths = paths_of_all()
     true, mine = (frame_of(t, paths[name]["red"]).assign(seen=t > 5.0) for name in ("truth", "mine"))
