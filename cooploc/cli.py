@@ -177,7 +177,10 @@ def check(
     isolate: Isolate = True,
 ) -> None:
     """Check that an estimator cannot cheat and keeps the rules."""
-    result = cl.check_estimator(estimator, seed=seed, isolate=isolate, time_limit=time_limit)
+    from cooploc.terminal.console import make_console
+
+    with make_console(stderr=True).status("checking; a slow filter takes minutes"):
+        result = cl.check_estimator(estimator, seed=seed, isolate=isolate, time_limit=time_limit)
     terminal.tables.show_checks(result)
     if not result.passed:
         raise typer.Exit(1)

@@ -89,6 +89,10 @@ def _check_parameters(name: str, make: Any, always: tuple[str, ...], given: Mapp
             has = nearest(unknown[0], list(known)) if known else "it has none"
             raise BadInput(f"estimator {name!r} has no parameter {unknown[0]!r}; {has}")
         if missing := [key for key, one in known.items() if one.default is one.empty and key not in given]:
+            if missing[0] == "prior" and isfunction(make):
+                raise BadInput(
+                    f"{name} is a function that makes filters: name what cl.PerRobot({make.__name__}, uses=(...)) makes"
+                )
             raise BadInput(_needs_arguments(name, f"it needs {missing[0]}"))
     kinds = {key: type(unpack_default(known[key].default)) if known else type(None) for key in given}
     return {key: _convert_value(name, make, key, value, kinds[key]) for key, value in given.items()}

@@ -1,6 +1,7 @@
 """An estimator that is checked, run on small simulated streams, and what is compared of two runs, bit by bit."""
 
 import math
+import time
 from copy import copy
 from dataclasses import replace
 from functools import cached_property
@@ -18,6 +19,7 @@ from cooploc.scenarios.runner.trace import ROUNDING, Trace, require_fit, trace
 from cooploc.scenarios.stream import Stream
 
 TRIALS = 3
+RUN_SHARE = 0.1  # of the time limit, for each run
 _RADIO: dict[str, Any] = {"ticks": 12, "drop": 0.3}
 _CAMERA: dict[str, Any] = {**_RADIO, "sight": 8.0, "view": 1.5}  # wide view: even a short stream has sightings
 # One robot and one trial are a single row: the shape on which mistakes in broadcasting show.
@@ -30,6 +32,10 @@ class CheckFailed(Exception):
     def __init__(self, found: str, remedy: str = "") -> None:
         super().__init__(found)
         self.remedy = remedy
+
+
+class CheckSkipped(Exception):
+    """The reason why a check does not apply to an estimator, or is not made."""
 
 
 class RunRecord(NamedTuple):
@@ -49,8 +55,10 @@ class RunRecord(NamedTuple):
 class Harness:
     """An estimator, the small streams that it can run on, and how it ran on them."""
 
-    def __init__(self, name: str, estimator: Any, seed: int, run_limit: float = math.inf, ticks: int = 0) -> None:
-        self.name, self.estimator, self.seed, self.run_limit = name, estimator, seed, run_limit
+    def __init__(self, name: str, estimator: Any, seed: int, time_limit: float = math.inf, ticks: int = 0) -> None:
+        """`time_limit` is of all its runs [s], of which one may take a tenth."""
+        self.name, self.estimator, self.seed, self.time_limit = name, estimator, seed, time_limit
+        self.began = time.monotonic()
         self.changed = {"ticks": ticks} if ticks else {}
         self.traits = traits(estimator) if not isinstance(estimator, type) else traits(None)
         self.centralised = self.traits.team and self.traits.centralised  # only a team estimator can be
@@ -112,10 +120,13 @@ class Harness:
                 sent.append(copy(result))  # the runner says what is wrong with it
             return result
 
+        if self.runs >= len(SCENARIOS) and time.monotonic() > self.began + self.time_limit:
+            slow = f"after {self.runs} runs the {self.time_limit:g} s of all checks were over"
+            raise CheckSkipped(f"{slow} (cooploc check --time-limit gives more)")
         self.runs += 1
         varied = f" ({when})" if when else ""
         try:
-            with limit_time(self.run_limit):
+            with limit_time(RUN_SHARE * self.time_limit):
                 found = trace(self.name, self.estimator if estimator is None else estimator, stream, record)
         except CheckFailed:
             raise
@@ -185,6 +196,10 @@ CAUSES = {  # words of an error -> what to change
     "NaNs": ABSENT_READINGS,
     "KeyError": "world.sensors and z.extra hold the channels that `uses` names, and no others",
     "read-only": "inputs are read-only: copy an array before you write to it",
+    "a pose there is x, y, heading": "return these of your state; a filter without a heading refuses the world: "
+    "raise cl.BadInput('it has no heading') where prior.x.shape[-1] is 3",
+    "a pose there is x, y": "return these of a longer state: x[:2], P[:2, :2]",
+    "No module named": "install it beside cooploc",
     "shape": "cooploc.estimators.interface has the shape of every array",
     "attribute 'radio_": "the readings of teammates come with what was heard, in fuse(): mail.range, mail.rssi",
     "needs channel": "name in `uses` what these worlds have: 'a|b' is the first that there is, 'a?' one that may lack",

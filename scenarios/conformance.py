@@ -30,7 +30,9 @@ from cooploc.scenarios import variations
 from cooploc.scenarios.check_harness import (
     ABSENT_READINGS,
     COVARIANCES,
+    RUN_SHARE,
     CheckFailed,
+    CheckSkipped,
     Harness,
     RunRecord,
     require_equal,
@@ -43,14 +45,9 @@ from cooploc.scenarios.runner.trace import ROUNDING, trace
 from cooploc.scenarios.stream import Stream
 
 TIME_LIMIT = 600.0  # [s] for all checks of one estimator
-RUN_SHARE = 0.1  # of the time limit, for each of its runs
 LONG = 120  # ticks of the longer streams, on which a channel that is seldom used is looked for again
 TOLERANCE = 0.05  # of the stated standard deviation by which an estimate may miss a turned world
 ROUNDED = 1e-6  # [m], [rad] and their squares
-
-
-class CheckSkipped(Exception):
-    """The reason why a check does not apply to an estimator."""
 
 
 @dataclass(frozen=True)
@@ -121,7 +118,8 @@ def check_estimator(
         seed: seeds the small streams, and what is done to them.
         isolate: False checks it in this process, for a debugger; else one that is not built in has a process of its
             own, where it may crash or hang.
-        time_limit: [s] for all checks in that process, of which one run may take a tenth; math.inf for none.
+        time_limit: [s] for all checks in that process, of which one run may take a tenth; those that are left are
+            skipped. math.inf for none.
 
     Returns:
         A report: `passed`, `table()`, and a `Result` for each check, `report["causality"]`.
@@ -134,20 +132,21 @@ def check_estimator(
     if not isolate or is_builtin(estimator):
         return _check_here(estimator, name, seed)
     run_limit = RUN_SHARE * time_limit
+    longest = time_limit + run_limit
     owner = PLUGINS if isinstance(estimator, str) else SESSION  # a file's neighbours are not those of an object
     try:
-        report: Report = call(owner, _check_here, estimator, name, seed, run_limit, seconds=time_limit, limit=run_limit)
+        report: Report = call(owner, _check_here, estimator, name, seed, time_limit, seconds=longest, limit=run_limit)
         return report
     except (WorkerError, MemoryError) as e:
         why = str(e) if isinstance(e, WorkerError) else one_line(e)
-        failed = Result("runs", "failed", why, seed, "cooploc check --no-isolate, in a debugger, shows where")
+        failed = Result("runs", "failed", why, seed, "cooploc check --no-isolate shows where; --time-limit gives more")
         others = (Result(check, "skipped", FIRST["runs"], seed) for check in CHECKS if check != "runs")
         return Report(name, (failed, *others))
 
 
-def _check_here(estimator: Any, name: str, seed: int, run_limit: float = math.inf) -> Report:
+def _check_here(estimator: Any, name: str, seed: int, time_limit: float = math.inf) -> Report:
     """Run the checks in this process; after a failure of one of `FIRST`, no other means anything."""
-    harness, results, reason = Harness(name, make_instance(estimator), seed, run_limit), list[Result](), ""
+    harness, results, reason = Harness(name, make_instance(estimator), seed, time_limit), list[Result](), ""
     for check in CHECKS:
         results.append(Result(check, "skipped", reason, seed) if reason else run_check(check, harness))
         reason = reason or (FIRST.get(check, "") if results[-1].status == "failed" else "")
@@ -394,7 +393,7 @@ def declaration(harness: Harness) -> str:
         require_none(~sound[:, None], stream, " states messages and bytes of which each has no header of 8 bytes")
     declared = unused = {channel for stream in harness.streams for channel in harness.arrays(stream)}
     for ticks, factor in ((0, 1.0), (LONG, 1.0), (LONG, 1e-4)):
-        other = Harness(harness.name, harness.estimator, harness.seed, harness.run_limit, ticks)
+        other = Harness(harness.name, harness.estimator, harness.seed, harness.time_limit, ticks)
         for stream in other.streams if unused else ():
             P = stream.prior.P.copy()
             P[:, 0] *= factor

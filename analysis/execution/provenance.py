@@ -213,7 +213,11 @@ def certify(label: str, isolate: bool = True) -> dict[str, Any]:
     if failed or not report.ran:
         more = f", and {len(failed) - 1} more" if len(failed) > 1 else ""
         return _certificate("failed", f"{failed[0]}{more}" if failed else "runs: no check ran", checks)
-    exempt = [f"{r['check']}: {r['detail']}" for r in checks if r["status"] == "skipped"]
+    skipped: dict[str, list[str]] = {}
+    for r in checks:
+        if r["status"] == "skipped":
+            skipped.setdefault(r["detail"], []).append(r["check"])
+    exempt = [f"{names[0] if len(names) == 1 else f'{len(names)} skipped'}: {why}" for why, names in skipped.items()]
     exempt += [r["exempt"] for r in checks if r["exempt"]]
     count = f"{report.ran} of {len(checks)} checks" if report.ran < len(checks) else f"{report.ran} checks"
     return _certificate("passed", "; ".join([count, *exempt]), checks)

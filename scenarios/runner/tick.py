@@ -217,9 +217,15 @@ class _Loop:
         d = self.stream.prior.x.shape[-1]
         if not (hasattr(belief, "x") and hasattr(belief, "P")):
             raise EstimatorError(f"{self.name}: {where} returned {type(belief).__name__}: return Belief(x, P)")
-        for what, array, shape in (("x", belief.x, (*lead, d)), ("P", belief.P, (*lead, d, d))):
-            if np.shape(array) != shape:
-                raise EstimatorError(f"{self.name}: {where} returned {what} of shape {np.shape(array)}, not {shape}")
+        for what, array, own in (("x", belief.x, (d,)), ("P", belief.P, (d, d))):
+            if (found := np.shape(array)) != (*lead, *own):
+                is_of_robots = found[: len(lead)] == lead  # a plain class knows of no others: its part is named
+                shown, meant = (s[len(lead) * is_of_robots :] for s in (found, (*lead, *own)))
+                held = "x, y, heading" if d == 3 else "x, y"
+                where = (
+                    f"{where} of {self.stream.scenario!r} returned {what} of shape {shown}{' a robot' * is_of_robots}"
+                )
+                raise EstimatorError(f"{self.name}: {where}, not {meant}: a pose there is {held}")
         return Belief(belief.x, belief.P)
 
 

@@ -32,6 +32,9 @@ class Half:
     def predict(self, z):
         pass
 
+def make_one(prior, world, robot, key):
+    pass
+
 mine = Mine(scale=3.0)
 """
 
@@ -54,8 +57,12 @@ def test_an_estimator_in_a_file_is_made_by_its_path_and_again_when_the_file_was_
 @pytest.mark.parametrize(
     ("label", "words"),
     [
-        ("mine.py:Wrong", "mine.py has no 'Wrong'; known are Mine, Plain, Needs, Half, mine$"),
+        ("mine.py:Wrong", "mine.py has no 'Wrong'; known are Mine, Plain, Needs, Half, make_one, mine$"),
         ("mine.py:Needs", "cannot be made without arguments .*size.*; give its parameters defaults"),
+        (
+            "mine.py:make_one",
+            r"is a function that makes filters: name what cl.PerRobot\(make_one, uses=\(...\)\) makes$",
+        ),
         ("mine.py:Half", r"has no correct: a filter of one robot has predict\(z\) and correct\(z\)"),
         ("mine.py", "mine.py is a file: say which of its names"),
         ("nowhere.py:Mine", "no file nowhere.py; write path.py:Name"),

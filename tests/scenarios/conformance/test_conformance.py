@@ -2,16 +2,18 @@
 
 import dataclasses
 import re
+import time
 
 import broken
 import cloudpickle
 import honest
 import pytest
 
+from cooploc.analysis.execution import provenance
 from cooploc.estimators import BUILTIN, make
 from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.check_harness import CheckFailed, Harness, require_equal
-from cooploc.scenarios.conformance import CHECKS, Report, Result, check_estimator, declaration, run_check
+from cooploc.scenarios.conformance import CHECKS, Report, Result, _check_here, check_estimator, declaration, run_check
 
 NAMES = [
     "runs", "determinism", "truth-blindness", "causality", "link-honesty", "non-interference", "immutability",
@@ -204,6 +206,18 @@ def test_an_estimator_that_hangs_is_ended_after_one_run_and_not_after_all_checks
     report = check_estimator(f"{tmp_path}/hangs.py:Hangs", time_limit=20.0)
     assert report["runs"].detail == "longer than the time limit of 2 s a trial: its process was ended"
     assert report.ran == 1
+
+
+def test_checks_of_a_slow_estimator_for_which_no_time_is_left_are_skipped_and_counted_once(monkeypatch):
+    clock = iter(range(10**6))
+    monkeypatch.setattr(time, "monotonic", lambda: 10.0 * next(clock))  # every look at the clock, ten seconds
+    report = _check_here(make("dead-reckoning"), "slow", 0, 600.0)
+    done = sum(result.status == "passed" for result in report.results)
+    assert 1 < done == report.ran < len(CHECKS)
+    monkeypatch.setattr(provenance, "check_estimator", lambda label, isolate: report)
+    found = provenance.certify("slow")["found"]
+    said = r"after \d+ runs the 600 s of all checks were over [(]cooploc check --time-limit gives more[)]"
+    assert re.fullmatch(rf"{done} of 12 checks; {12 - done} skipped: {said}", found)
 
 
 class ForDisplacements(broken.DeadReckoning):
