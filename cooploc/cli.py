@@ -55,7 +55,7 @@ KINDS = ("estimators", "scenarios", "studies", "problems")
 
 @app.command(name="list")
 def list_(kind: Annotated[str, typer.Argument(help=f"{', '.join(KINDS)} [default: all of them]")] = "") -> None:
-    """List estimators, scenarios, studies, and problems: studies that a paper can name."""
+    """List estimators, scenarios, studies or problems to name."""
     if kind and kind not in KINDS:
         from cooploc.estimators.errors import nearest
 
@@ -67,7 +67,7 @@ def list_(kind: Annotated[str, typer.Argument(help=f"{', '.join(KINDS)} [default
 
 @app.command()
 def problems() -> None:
-    """List problems that a paper can name, as `list problems` does."""
+    """List problems that a paper can name."""
     list_("problems")
 
 
@@ -116,7 +116,10 @@ def tune(
     check: Annotated[bool, typer.Option(help="check estimators that are not built in before they are compared")] = True,
     isolate: Isolate = True,
 ) -> None:
-    """Tune all estimators with one budget, and compare them on other streams."""
+    """Tune all estimators with one budget, and compare them.
+
+    They are compared on other streams than they are tuned on.
+    """
     how: dict[str, Any] = {"estimators": estimators, "trials": trials, "seed": seed, "jobs": jobs, "data": data}
     found = cl.tune(study, budget, objective=objective, out=out, check=check, isolate=isolate, **how)
     orders = {"RMSE": found.order("rmse"), "NLL": found.order("nll")}
@@ -157,7 +160,10 @@ def plan(
     out: Out = None,
     isolate: Isolate = True,
 ) -> None:
-    """Say how many trials each comparison needs at 80 % power, and how long they take."""
+    """Say how many trials comparisons need, and for how long.
+
+    With these a true difference of that size is found in four of five studies (80 % power).
+    """
     how: dict[str, Any] = {"seed": seed, "estimators": estimators, "jobs": jobs, "data": data, "out": out}
     terminal.tables.show_plan(cl.plan(study, difference=difference, isolate=isolate, **how), difference, jobs)
     typer.echo(f"next: cooploc run {study} --until-decided, or --trials N")
@@ -210,8 +216,9 @@ def judge(
     wide: Wide = False,
     legend: Legend = False,
 ) -> None:
-    """Judge trajectories and covariances of other programs, by a stream's truth or by true trajectories in files.
+    """Judge the trajectories that other programs wrote.
 
+    By a stream's truth, or by true trajectories in files, with covariances where there are some.
     `--tum mine=DIR --tum theirs=DIR2` ranks several. Formats: docs/how-to/judge.md.
     """
     parted = [("", "", one) if Path(one).exists() or "=" not in one else one.partition("=") for one in tum]
@@ -238,7 +245,7 @@ def judge(
 def new_estimator(
     name: Annotated[str, typer.Argument(help="small letters, digits and hyphens, such as my-filter")],
 ) -> None:
-    """Write a small package with an estimator that runs, its test, and what registers it."""
+    """Write a small package with an estimator and its test."""
     for file in cl.new_estimator(name):
         typer.echo(file)
     typer.echo(f"next: pip install -e {name} && cooploc run quick --estimators mrsl-rssi,{name}")
@@ -273,7 +280,10 @@ def report(
 
 @app.command()
 def verdicts(folder: RunDirectory, ledger: Claims = None, wide: Wide = False, legend: Legend = False) -> None:
-    """Print which of a paper's claims a run supports, contradicts or leaves open."""
+    """Say which of a paper's claims a run supports.
+
+    And which it contradicts or leaves open, with the numbers.
+    """
     from cooploc import api
     from cooploc.analysis.claims.ledger import load
 
@@ -295,7 +305,10 @@ def compare(
     ] = "",
     wide: Wide = False,
 ) -> None:
-    """Say what changed from one run to another, trial by trial where their streams are the same."""
+    """Say what changed from one run to another.
+
+    Trial by trial where their streams are the same.
+    """
     found, title = cl.compare_runs(before, after), f"from {before} to {after}"
     if markdown:
         typer.echo(found.markdown(title))
@@ -313,7 +326,7 @@ def reproduce(
     data: Recordings = None,
     trust: Annotated[bool, typer.Option("--trust", help="run Python files that it names")] = False,
 ) -> None:
-    """Run some trials of a run or a report again, and compare them.
+    """Run some trials of a run or report again, and compare.
 
     Exit code 0 where all are bit-equal, 1 where any differs.
     """
@@ -330,8 +343,9 @@ def board(
     reproduce_first: Annotated[bool, typer.Option("--reproduce", help="confirm runs that are not, first")] = False,
     data: Recordings = None,
 ) -> None:
-    """Write a site of tables with groups of ties instead of ranks, and a page an estimator.
+    """Write a site of runs, with groups of ties, not ranks.
 
-    Each row needs a run that `cooploc reproduce` has confirmed. No code that is not built in runs.
+    It has a page an estimator. Each row needs a run that `cooploc reproduce` has confirmed. No code that is not built
+    in runs.
     """
     typer.echo(f"board: {cl.board(runs, out, reproduce_first, data)}")

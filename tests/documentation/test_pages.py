@@ -81,6 +81,20 @@ def test_the_world_of_the_guide_runs(tmp_path, monkeypatch):
     assert len(results.failures) == 0
 
 
+@pytest.mark.slow
+def test_the_filter_of_the_guide_keeps_the_rules_and_takes_its_parameter(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("mine.py").write_text(blocks(ROOT / "docs/how-to/estimator.md")[0])
+    report = cl.check_estimator("mine.py:Mine")
+    assert report.ran == 12
+    assert report.passed
+    truth, stream = cl.simulate("robots-1-3/n=1", trials=5, ticks=50)
+    errors = cl.errors(truth, cl.run(["mine.py:Mine", "mine.py:Mine[trust=1e-9]", "dead-reckoning"], stream))
+    error = errors.groupby("estimator")["rmse"].mean()
+    assert error["mine.py:Mine"] < 0.9 * error["dead-reckoning"]
+    assert error["mine.py:Mine[trust=1e-9]"] == pytest.approx(error["dead-reckoning"], rel=1e-3)
+
+
 def test_a_citation_is_of_this_version():
     version = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["version"]
     assert f"\nversion: {version}\n" in (ROOT / "CITATION.cff").read_text("utf-8")
