@@ -23,9 +23,9 @@ import pandas as pd
 from cooploc.analysis.metrics.alignment import Matched, match_trajectories, rotation
 from cooploc.analysis.metrics.errors import demand_same, errors
 from cooploc.analysis.metrics.statistics import FIXED
+from cooploc.analysis.metrics.trajectory_bags import TRUTH
 from cooploc.analysis.metrics.trajectory_files import (
     COVARIANCE,
-    TRUTH,
     read_files,
     team_files,
 )

@@ -15,10 +15,7 @@ The true ones may lie with them, if their names say so: `red_gt.txt` beside `red
   position's, or `stamp xx xy xh yy yh hh` [m^2, m rad, rad^2], of position and heading h, at the stamps of the poses.
 - `covariances.npz` may have them for all robots: an array `NAME` (T, 3, 3) or (T, 2, 2), at the stamps of the poses.
 
-Or it is a ROS bag, whose topics of nav_msgs/Odometry and geometry_msgs/PoseWithCovarianceStamped have the robots' names
-in their own; of several topics of a robot, that with the method's name in it. Where it has none of these, topics of
-poses without covariances count, such as geometry_msgs/PoseStamped and TransformStamped. Topics whose names say that
-they are the truth (`/vicon/red/pose`, `/red/ground_truth`) are of the truth alone.
+Or it is a ROS bag: `trajectory_bags` reads its poses.
 
 A team of one robot may be one file, of any name. Covariances of a robot that are all zero are not known, as in ROS.
 
@@ -27,9 +24,7 @@ Source: the TUM RGB-D benchmark, J. Sturm et al., IROS 2012.
 
 import re
 import zipfile
-from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
-from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import NamedTuple
 
@@ -37,18 +32,9 @@ import numpy as np
 import pandas as pd
 
 from cooploc.analysis.formats import count_of
+from cooploc.analysis.metrics.trajectory_bags import TRUTH, read_poses
 from cooploc.estimators.errors import BadInput, nearest
 from cooploc.estimators.interface import Array, Indices, Mask
-from cooploc.scenarios.recordings.bag_storage import (
-    KINDS,
-    Bag,
-    bag_paths,
-    is_bag,
-    open_bag,
-    stamp_of,
-    storage_files,
-)
-from cooploc.scenarios.recordings.inspect.bag_draft import topics_by_robot
 from cooploc.scenarios.recordings.inspect.columns import (
     EPOCHS,
     SINCE_1970,
@@ -68,7 +54,6 @@ from cooploc.scenarios.recordings.inspect.naming import (
     words_of,
 )
 from cooploc.scenarios.recordings.schema import UNITS
-from cooploc.scenarios.recordings.sqlite_recovery import recover
 from cooploc.scenarios.recordings.text_files import (
     TextTable,
     is_text,
@@ -79,16 +64,10 @@ from cooploc.scenarios.recordings.text_files import (
     split_fields,
 )
 
-TRUTH = "truth"  # the folder of true trajectories
 COLUMNS = ("timestamp", "tx", "ty", "tz", "qx", "qy", "qz", "qw")
 COVARIANCES = {2: ("timestamp", "xx", "xy", "yy"), 3: ("timestamp", "xx", "xy", "xh", "yy", "yh", "hh")}  # by d
 PLACES = {"landmark", "landmarks", "anchor", "anchors"}  # words of files that are of no robot
 COVARIANCE, STORED, ENDINGS = ".cov.txt", "covariances.npz", (".txt", ".tum", ".csv", ".dat", ".tsv", ".parquet")
-WITH_COVARIANCE = ("nav_msgs/msg/Odometry", "geometry_msgs/msg/PoseWithCovarianceStamped")
-POSES = (
-    *WITH_COVARIANCE,
-    *(f"geometry_msgs/msg/{kind}" for kind in ("PoseStamped", "TransformStamped", "Pose", "Pose2D", "PointStamped")),
-)
 CLOCKS = ("time",), ("sec", "nsec"), ("sec",)  # quantities that make a stamp
 PLACED = "x", "y", "heading"  # quantities that the truth has beside an estimate
 AXES = {"x": 0, "y": 1, **dict.fromkeys(("h", "th", "theta", "yaw", "phi", "psi", "heading"), 2)}  # rows of P
@@ -473,95 +452,15 @@ def _read_stored(path: Path) -> dict[str, Array]:
 
 
 def _read_bag(place: Path, robots: Sequence[str], method: str) -> dict[str, Trajectory]:
-    """Read the poses in a bag's topics, with their covariances, by robot; of a damaged bag what can be recovered."""
-    kinds: dict[str, str] = {}
-    rows: dict[str, list[tuple[float, ...]]] = {}
-    path, paths, bags, notes = place, list[Path](), list[Bag](), list[str]()
-    with suppress(BadInput):  # where there is none
-        paths = bag_paths(place) if place.is_dir() or is_bag(place) else []
-    with ExitStack() as stack:
-        try:
-            for path in paths:
-                bags += _open_or_recover(path, stack, notes)
-            for bag in bags:
-                kinds |= {t: kind for t, kind in bag.types.items() if kind in POSES and bag.counts.get(t, 1)}
-            chosen = _topics_of_robots(place, kinds, robots, method)
-            for bag in bags:
-                _collect_poses(bag, rows, {topic: kinds[topic] for topic in chosen.values()})
-        except BadInput:
-            raise
-        except Exception as e:  # rosbags raises whatever its parsers raise on damaged files
-            raise BadInput(f"{path}: cannot be read as a bag ({_reason(e)}); repair it") from None
-    if lost := [topic for topic in chosen.values() if topic not in rows]:
-        raise BadInput(f"{place}: topic {lost[0]} has no message that can be read: get the bag again")
-    found = {}
-    for robot, topic in chosen.items():
-        table = np.array(rows[topic])
-        lines = TextTable(place, table, np.arange(len(table)))
-        P = _covariances(table[:, 4:].reshape(-1, 3, 3), lines, f"{topic}, message")
-        is_named = len(robots) < 2 or robot in topic.split("/")
+    """Read the poses in a bag, with their covariances, by robot; of a damaged bag what can be recovered."""
+    found, notes = read_poses(place, robots, method)
+    team = {}
+    for robot, (topic, rows, is_named) in found.items():
+        lines = TextTable(place, rows, np.arange(len(rows)))
+        P = _covariances(rows[:, 4:].reshape(-1, 3, 3), lines, f"{topic}, message")
         taken = () if is_named else (f"{place}: topic {topic} is taken for robot {robot!r}",)
-        found[robot] = _by_time(place, Trajectory(table[:, 0], table[:, 1:4], P, (*notes, *taken)))
-    return found
-
-
-def _reason(e: Exception) -> str:
-    return " ".join(str(e).split())[:100]
-
-
-def _open_or_recover(path: Path, stack: ExitStack, notes: list[str]) -> list[Bag]:
-    """Open a bag; of a damaged one return what is recovered of each file, and note how much."""
-    try:
-        return [stack.enter_context(open_bag(path))]
-    except Exception as e:  # rosbags raises whatever its parsers raise on damaged files
-        recovered = [recover(file, _reason(e)) for file in storage_files(path)]
-    notes += [warning for _, warning in recovered]
-    counts = (Counter(topic for topic, *_ in bag.messages(bag.types)) for bag, _ in recovered)
-    return [bag._replace(counts=dict.fromkeys(bag.types, 0) | n) for (bag, _), n in zip(recovered, counts, strict=True)]
-
-
-def _topics_of_robots(place: Path, kinds: Mapping[str, str], robots: Sequence[str], method: str) -> dict[str, str]:
-    """Return the topic of each robot among those of poses, whose types are `kinds`.
-
-    Topics that are called by the truth are of the truth alone, and of the others those with covariances come first.
-    """
-    if not kinds:
-        raise BadInput(f"{place} holds no NAME.txt or NAME.csv, nor a bag with poses, such as {' or '.join(POSES[:2])}")
-    parts = {topic: topic.strip("/").split("/") for topic in kinds}
-    true = [topic for topic in kinds if side_of(topic) == TRUTH and method not in {*parts[topic]} - {TRUTH}]
-    own = (true if method == TRUTH else [topic for topic in kinds if topic not in true]) or [*kinds]
-    own = [topic for topic in own if kinds[topic] in WITH_COVARIANCE] or own
-    topics: dict[str, list[str]] = {}
-    for topic in own:
-        others = [part for part in parts[topic] if part != method] or parts[topic]
-        for robot in [one for one in robots if one in parts[topic]] if robots else others[:1]:
-            topics.setdefault(robot, []).append(topic)
-    if len(robots) == len(own) == 1:  # whatever its name
-        topics = {robots[0]: own}
-    elif not topics or (not robots and len(topics) == 1 < len(own)):  # /vrpn/red/pose is of red, /tb3_0/odom of robot0
-        by_name = topics_by_robot(own)
-        meant = match_names(by_name, robots) if robots else {name: name for name in by_name}
-        topics = {meant[name]: [topic] for name, topic in by_name.items() if name in meant}
-    for robot, several in topics.items():
-        named = [topic for topic in several if method in parts[topic]]
-        if len(several) > 1 and len(named) != 1:
-            raise BadInput(
-                f"{place} has topics {', '.join(several)} of robot {robot!r}: name the method like a part of one of "
-                f"them, as in --tum {several[0].rpartition('/')[2]}={place}; here it is {method!r}"
-            )
-        topics[robot] = named if len(several) > 1 else several
-    return {robot: several[0] for robot, several in topics.items()}
-
-
-def _collect_poses(bag: Bag, rows: dict[str, list[tuple[float, ...]]], kinds: Mapping[str, str]) -> None:
-    """Add the stamp, pose and covariance of every message of these topics in a bag to the rows of its topic."""
-    for topic, received, raw in bag.messages([topic for topic in kinds if topic in bag.types]):
-        message = bag.decode(raw, kinds[topic])
-        x, y, _, heading = KINDS[kinds[topic]].rows(message)[0][:4]
-        C = np.asarray(message.pose.covariance if kinds[topic] in WITH_COVARIANCE else np.zeros(36), float)
-        C = C.reshape(6, 6)[np.ix_([0, 1, 5], [0, 1, 5])]
-        stamp = 1e-9 * (stamp_of(message) or received)
-        rows.setdefault(topic, []).append((stamp, x, y, heading, *C.ravel()))
+        team[robot] = _by_time(place, Trajectory(rows[:, 0], rows[:, 1:4], P, (*notes, *taken)))
+    return team
 
 
 def _from_triangle(values: Array) -> Array:

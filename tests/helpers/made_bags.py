@@ -58,7 +58,10 @@ def made_bag(folder, kind, seconds=2.0, behind=0, start=START, name="team", name
 
 
 def made_message(store, name, ns, values):
-    """A message of any type with some of its fields, such as {"pose.position.x": 1.0}, and zeros; stamps are `ns`."""
+    """A message of any type with some of its fields, such as {"pose.position.x": 1.0}, and zeros.
+
+    Stamps are `ns`, or those that are given as "header.stamp.ns".
+    """
 
     def value_of(node, kind, given, inside):
         if node == Nodetype.NAME:
@@ -71,6 +74,7 @@ def made_message(store, name, ns, values):
         return given if of[0] == "string" else np.array(np.zeros(size) if given is None else given, of[0])
 
     if name == "builtin_interfaces/msg/Time":
+        ns = values.get("ns", ns)
         return store.types[name](sec=ns // 10**9, nanosec=ns % 10**9)
     fields = {}
     for field, (node, kind) in store.fielddefs[name][1]:

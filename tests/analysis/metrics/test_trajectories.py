@@ -9,26 +9,13 @@ import numpy as np
 import pandas as pd
 import pytest
 from made_bags import pose_at, write_messages
+from made_trajectories import ROBOTS, expected, frame_of, paths_of_all, rmse_of, true_path, write_tum
 from processes import inside
 
 import cooploc as cl
 from cooploc import BadInput
 from cooploc.analysis.metrics.alignment import match_stamps
 from cooploc.analysis.metrics.external import judge_trajectories, mean_drift
-
-ROBOTS = "red", "blue"
-
-
-def write_tum(path, t, x):
-    half, zero = x[:, 2] / 2, np.zeros(len(t))
-    columns = [t, x[:, 0], x[:, 1], zero, zero, zero, np.sin(half), np.cos(half)]
-    np.savetxt(path, np.column_stack(columns), fmt="%.9f")
-
-
-def true_path(r):
-    t = np.arange(0, 60, 0.1)
-    h = 0.1 * np.cumsum(0.3 * np.sin(0.2 * t + r) + 0.1)
-    return t, np.column_stack([np.cumsum(np.cos(h)) * 0.05, np.cumsum(np.sin(h)) * 0.05, h])
 
 
 @pytest.fixture(scope="module")
@@ -463,79 +450,6 @@ def test_a_quaternion_of_zeros_is_no_heading(honest, tmp_path):
     assert rows["heading"].isna().tolist() == rows["rpe"].isna().tolist() == [True, False]
 
 
-def test_of_several_topics_of_a_robot_that_of_the_method_counts(honest, tmp_path):
-    t, true, x, *_ = honest
-    write_tum(tmp_path / "red.txt", t, true)
-    both = (("/red/odom", x + 1), ("/red/ekf", x))
-    write_messages(
-        tmp_path / "bag",
-        [
-            (topic, "nav_msgs/msg/Odometry", stamp, pose_at(*path[k, :2], 0.0, path[k, 2], "pose.pose."))
-            for topic, path in both
-            for k, stamp in enumerate(t)
-        ],
-    )
-    rows, _ = judge_trajectories(tmp_path / "red.txt", {"ekf": tmp_path / "bag", "odom": tmp_path / "bag"})
-    assert rows["rmse"].iloc[0] < 0.5 < rows["rmse"].iloc[1]
-    with pytest.raises(cl.BadInput, match=r"topics /red/odom, /red/ekf of robot 'red': name the method like a part"):
-        judge_trajectories(tmp_path / "red.txt", {"mine": tmp_path / "bag"})
-
-
-def test_a_bag_of_a_tracker_is_a_truth_and_its_robots_are_where_names_differ(team, tmp_path):
-    poses = [
-        (f"/vrpn/{robot}/pose", "geometry_msgs/msg/PoseStamped", s, pose_at(x, y, 0.0, heading, "pose."))
-        for r, robot in enumerate(ROBOTS)
-        for s, (x, y, heading) in zip(*true_path(r), strict=True)
-    ]
-    write_messages(tmp_path / "bag", poses)
-    found, files = (
-        judge_trajectories(place, {"mine": team / "mine"})[0] for place in (tmp_path / "bag", team / "truth")
-    )
-    assert found["name"].tolist() == files["name"].tolist()
-    np.testing.assert_allclose(found[["rmse", "heading"]], files[["rmse", "heading"]], atol=1e-6)
-
-
-def in_a_bag(path, topics):
-    """A bag with poses in these topics: (topic, type, poses by stamp)."""
-    prefix = {"nav_msgs/msg/Odometry": "pose.pose.", "geometry_msgs/msg/PoseStamped": "pose."}
-    write_messages(
-        path,
-        [
-            (topic, kind, stamp, pose_at(x, y, 0.0, heading, prefix[kind]))
-            for topic, kind, of in topics
-            for stamp, (x, y, heading) in zip(*of, strict=True)
-        ],
-    )
-    return path
-
-
-@pytest.mark.parametrize("true", ["/{}/ground_truth", "/vicon/{}/pose"])
-def test_a_bag_may_hold_the_truth_beside_what_a_filter_says(tmp_path, true):
-    t, paths = paths_of_all()
-    of = {"mine": "nav_msgs/msg/Odometry", "truth": "geometry_msgs/msg/PoseStamped"}
-    topics = [((true if m == "truth" else "/{}/mine").format(r), of[m], (t, paths[m][r])) for m in of for r in ROBOTS]
-    bag = in_a_bag(tmp_path / "bag", topics)
-    found, _ = judge_trajectories(bag, {"mine": bag})
-    assert rmse_of(found) == {key: value for key, value in expected(paths).items() if key[0] == "mine"}
-
-
-def test_of_a_damaged_bag_what_can_be_recovered_is_judged(tmp_path):
-    t, paths = paths_of_all()
-    kind = "nav_msgs/msg/Odometry"
-    for method in ("truth", "mine"):
-        in_a_bag(
-            tmp_path / method, [(f"/{robot}/{method}", kind, (t + 1.7e9, paths[method][robot])) for robot in ROBOTS]
-        )
-    (file,) = (tmp_path / "mine").glob("*.db3")
-    file.write_bytes(bytes(100) + file.read_bytes()[100:])
-    found, notes = judge_trajectories(tmp_path / "truth", {"mine": tmp_path / "mine"})
-    assert rmse_of(found) == {key: value for key, value in expected(paths).items() if key[0] == "mine"}
-    assert notes[0].startswith(f"{file}: damaged: {2 * len(t)} of {2 * len(t)} messages recovered (")
-    file.write_bytes(bytes(100))
-    with pytest.raises(BadInput, match="and no message is found in it"):
-        judge_trajectories(tmp_path / "truth", {"mine": tmp_path / "mine"})
-
-
 REAL = Path(os.environ.get("COOPLOC_DATA", Path(__file__).parents[4] / "shared" / "data")) / "mrclam6"
 
 
@@ -562,19 +476,6 @@ def test_robots_may_be_called_a_little_otherwise_in_files(tmp_path):
     assert found["rmse"].tolist() == [expected(paths)["mine", robot] for robot in ROBOTS]
     said = [f"{tmp_path / f'mine/tb3_{k}_ekf.txt'} is taken for robot 'robot{k}'" for k in range(2)]
     assert list(notes[:2]) == said
-
-
-def test_robots_may_be_called_a_little_otherwise_in_a_bag(tmp_path):
-    t, paths = paths_of_all()
-    kind = "nav_msgs/msg/Odometry"
-    for method, name in (("truth", "/mocap/robot{}/pose"), ("mine", "/tb3_{}/odom")):
-        in_a_bag(tmp_path / method, [(name.format(k), kind, (t, paths[method][r])) for k, r in enumerate(ROBOTS)])
-    found, notes = judge_trajectories(tmp_path / "truth", {"mine": tmp_path / "mine"})
-    assert [note.partition(": ")[2] for note in notes[:2]] == [
-        f"topic /tb3_{k}/odom is taken for robot 'robot{k}'" for k in range(2)
-    ]
-    assert found["name"].tolist() == ["robot0", "robot1"]
-    assert found["rmse"].tolist() == [expected(paths)["mine", robot] for robot in ROBOTS]
 
 
 def test_lines_that_cannot_be_read_are_left_out_and_named(honest, tmp_path):
@@ -655,20 +556,6 @@ def test_one_file_of_paths_of_unknown_robots_is_refused(tmp_path):
 # ---- files of one program hold the truth and all methods, or lack what others have
 
 
-def paths_of_all():
-    """Poses (T, 3) of the truth and two methods, by robot, at stamps (T,)."""
-    rng = np.random.default_rng(5)
-    t, true = true_path(0)[0], {robot: true_path(r)[1] for r, robot in enumerate(ROBOTS)}
-    noise = {"truth": 0.0, "mine": 0.1, "theirs": 0.2}
-    return t, {
-        name: {r: x + rng.normal(0, s, x.shape) * [1, 1, 0] for r, x in true.items()} for name, s in noise.items()
-    }
-
-
-def frame_of(t, x):
-    return pd.DataFrame(np.column_stack([t, x]), columns=["t", "x", "y", "theta"])
-
-
 def write_kitti(folder, t, x):
     c, s, zero, one = np.cos(x[:, 2]), np.sin(x[:, 2]), 0 * t, 1 + 0 * t
     np.savetxt(f"{folder}.txt", np.column_stack([c, -s, zero, x[:, 0], s, c, zero, x[:, 1], zero, zero, one, zero]))
@@ -688,18 +575,6 @@ OF_A_ROBOT = {
     "blanks": lambda path, t, x: np.savetxt(f"{path}.dat", np.column_stack([t, x[:, :2]])),
     "Parquet": lambda path, t, x: frame_of(t, x).to_parquet(f"{path}.parquet"),
 }
-
-
-def rmse_of(found):
-    return {(row.estimator, row.name): row.rmse for row in found[["estimator", "name", "rmse"]].itertuples(index=False)}
-
-
-def expected(paths):
-    return {
-        (method, robot): pytest.approx(np.sqrt(((x - paths["truth"][robot])[:, :2] ** 2).sum(1).mean()), rel=1e-5)
-        for method in ("mine", "theirs")
-        for robot, x in paths[method].items()
-    }
 
 
 @pytest.mark.parametrize("write", OF_A_ROBOT.values(), ids=OF_A_ROBOT)
