@@ -5,7 +5,8 @@ topics of a robot, that with the method's name in it. Where a bag has none of th
 count, such as geometry_msgs/PoseStamped; then the last nav_msgs/Path of each topic, but for plans; then /tf, where the
 base of each robot is placed in the root of its tree of frames, between stamps by interpolation, in the plane. A path
 whose topic has the method's name, and /tf for the method `tf`, count before all of these. Topics whose names say that
-they are the truth (`/vicon/red/pose`, `/red/ground_truth`) are of the truth alone.
+they are the truth (`/vicon/red/pose`, `/red/ground_truth`) are of the truth alone; without any, it is in Gazebo's
+ModelStates.
 """
 
 import re
@@ -32,8 +33,10 @@ POSES = (
     *WITH_COVARIANCE,
     *(f"geometry_msgs/msg/{kind}" for kind in ("PoseStamped", "TransformStamped", "Pose", "Pose2D", "PointStamped")),
 )
-PATH, FRAMES = "nav_msgs/msg/Path", ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
+PATH, STATES = "nav_msgs/msg/Path", "gazebo_msgs/msg/ModelStates"
+FRAMES = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 PLANS = {"plan", "planned", "goal", "global", "local", "reference", "desired"}  # words of paths that are to be driven
+STILL = 0.05  # [m] a model that extends less is furniture
 BASES = "base_footprint", "base_link", "base"  # frames of robots
 
 
@@ -60,11 +63,15 @@ def read_poses(place: Path, robots: Sequence[str], method: str) -> tuple[dict[st
             paths_of = {t: PATH for t, kind in there.items() if kind == PATH and not PLANS & {*words_of(t)}}
             named = [of for of in (poses, paths_of) if any(method in t.split("/") for t in of)]
             kinds = {} if method == "tf" else next(filter(None, [*named, poses, paths_of]), {})
-            if not kinds:
+            is_unsaid = method == TRUTH and TRUTH not in map(side_of, kinds)
+            if STATES in there.values() and (is_unsaid or not kinds):
+                rows = _poses_of_models(bags)
+                kinds = dict.fromkeys(rows, STATES)
+            elif not kinds:
                 rows = _poses_of_frames(bags)
                 kinds = dict.fromkeys(rows, FRAMES[0])
             chosen = _topics_of_robots(place, kinds, robots, method)
-            for bag in bags if {*kinds.values()} != {FRAMES[0]} else ():
+            for bag in bags if not rows else ():
                 _collect_poses(bag, rows, {topic: kinds[topic] for topic in chosen.values()})
         except BadInput:
             raise
@@ -72,6 +79,9 @@ def read_poses(place: Path, robots: Sequence[str], method: str) -> tuple[dict[st
             raise BadInput(f"{path}: cannot be read as a bag ({_reason(e)}); repair it") from None
     if lost := [topic for topic in chosen.values() if topic not in rows]:
         raise BadInput(f"{place}: topic {lost[0]} has no message that can be read: get the bag again")
+    if method == TRUTH:
+        odometry = [topic for topic in chosen.values() if side_of(topic) == "odometry"]
+        notes += [f"{place}: topics such as {topic} are taken for the truth" for topic in odometry[:1]]
     is_one = len(robots) < 2
     return {r: BagPoses(t, np.array(rows[t]), is_one or r in t.split("/")) for r, t in chosen.items()}, notes
 
@@ -145,7 +155,7 @@ def _collect_poses(bag: Bag, rows: dict[str, list[tuple[float, ...]]], kinds: Ma
 
 
 def _poses_of_frames(bags: Sequence[Bag]) -> dict[str, list[tuple[float, ...]]]:
-    """Return the poses of robots in /tf, by names like those of topics: /tf/red of the frame red/base_link.
+    """Return the poses of robots in /tf, by names like those of topics: /red/tf of the frame red/base_link.
 
     They are those of the frames in `BASES`, else of all moving frames in which no other one moves.
     """
@@ -164,8 +174,20 @@ def _poses_of_frames(bags: Sequence[Bag]) -> dict[str, list[tuple[float, ...]]]:
     for frame in next(filter(None, bases), leaves):
         name = re.sub(rf"[/_]?({'|'.join(BASES)})[/_]?", "", frame) or frame
         rows = _place_in_root([np.array(sorted(links[step])) for step in _steps_to_root(frame, parents)])
-        found[f"/tf/{name}"] = [(*row, *np.zeros(9)) for row in rows.tolist()]
+        found[f"/{name}/tf"] = [(*row, *np.zeros(9)) for row in rows.tolist()]
     return {name: rows for name, rows in found.items() if len(rows) > 1}
+
+
+def _poses_of_models(bags: Sequence[Bag]) -> dict[str, list[tuple[float, ...]]]:
+    """Return the poses of Gazebo's models that move, by names like those of topics: /red/gazebo/model_states."""
+    rows: dict[str, list[tuple[float, ...]]] = {}
+    for bag in bags:
+        for topic, received, raw in bag.messages([t for t, kind in bag.types.items() if kind == STATES]):
+            message = bag.decode(raw, STATES)
+            for name, pose in zip(message.name, message.pose, strict=True):
+                x, y, _, heading = KINDS["geometry_msgs/msg/Pose"].rows(pose)[0]
+                rows.setdefault(f"/{name}{topic}", []).append((1e-9 * received, x, y, heading, *np.zeros(9)))
+    return {name: of for name, of in rows.items() if np.ptp(np.array(of)[:, 1:3], axis=0).max() > STILL}
 
 
 def _steps_to_root(frame: str, parents: Mapping[str, str]) -> list[tuple[str, str]]:

@@ -8,8 +8,9 @@ from made_trajectories import ROBOTS, expected, paths_of_all, rmse_of
 from cooploc import BadInput
 from cooploc.analysis.metrics.external import judge_trajectories
 
-ODOMETRY, POSE, PATH, FRAMES = (
-    "nav_msgs/msg/Odometry", "geometry_msgs/msg/PoseStamped", "nav_msgs/msg/Path", "tf2_msgs/msg/TFMessage"
+ODOMETRY, POSE, PATH, FRAMES, STATES = (
+    "nav_msgs/msg/Odometry", "geometry_msgs/msg/PoseStamped", "nav_msgs/msg/Path", "tf2_msgs/msg/TFMessage",
+    "gazebo_msgs/msg/ModelStates",
 )  # fmt: skip
 START = 1.7e9
 
@@ -139,6 +140,26 @@ def test_robots_are_where_the_frames_of_their_bases_are_in_the_root_of_tf(truth,
     assert found["ticks"].tolist() == 2 * [every[-1] + 1]  # until the last correction
     error = {r: (path - paths["truth"][r])[: every[-1] + 1, :2] for r, path in paths["mine"].items()}
     assert rmse_of(found) == {(method, r): pytest.approx(np.sqrt((e**2).sum(1).mean())) for r, e in error.items()}
+
+
+def test_models_of_gazebo_are_the_truth_and_odometry_is_so_with_a_note(tmp_path):
+    t, paths = paths_of_all()
+    odometry = [poses(f"/{robot}/odom", ODOMETRY, paths["truth"][robot]) for robot in ROBOTS]
+    models = {"wall": np.zeros((len(t), 3)), **paths["truth"]}
+    states = [
+        ("/gazebo/model_states", STATES, s, {"name": [*models], "pose": [pose_at(x, y, 0.0, h) for x, y, h in now]})
+        for s, *now in zip(START + t, *models.values(), strict=True)
+    ]
+    mine = write(tmp_path / "mine", *(poses(f"/{robot}/mine", ODOMETRY, paths["mine"][robot]) for robot in ROBOTS))
+    simulated = tmp_path / "simulated"
+    write_messages(
+        simulated, [*states, *odometry[0], *odometry[1]], {STATES: "string[] name\ngeometry_msgs/Pose[] pose"}
+    )
+    found, notes = judge_trajectories(simulated, {"mine": mine})
+    assert rmse_of(found) == expected_of()
+    assert not [note for note in notes if "taken for" in note]
+    _, notes = judge_trajectories(write(tmp_path / "odometry", *odometry), {"mine": mine})
+    assert any(note.endswith("odometry: topics such as /red/odom are taken for the truth") for note in notes)
 
 
 def test_a_bag_without_poses_says_what_it_may_hold(truth, tmp_path):
