@@ -138,8 +138,8 @@ class TerminalTable:
         """Print the widest layout that fits, and the names of the columns that it lacks."""
         every = [c for c in self.table.columns if any(c.text(row) for row in self.table.rows)]
         priorities = sorted({c.priority for c in every if c.priority}, reverse=True)
-        layouts = [(every, False), (every, True)]
-        layouts += [([c for c in every if c.priority < most], True) for most in priorities]
+        layouts = [(every, 0), *((every, width) for width in LABEL_WIDTHS)]
+        layouts += [([c for c in every if c.priority < most], LABEL_WIDTHS[-1]) for most in priorities]
         for shown, stacked in layouts:
             drawn = self._draw(shown, stacked)
             if Measurement.get(console, options.update_width(100_000), drawn).maximum <= options.max_width:
@@ -148,8 +148,8 @@ class TerminalTable:
         if left_out := [c.head.partition("\n")[0] for c in every if c not in shown]:
             yield Text(f" not shown at this width: {', '.join(dict.fromkeys(left_out))}", style="dim")
 
-    def _draw(self, columns: Sequence[TableColumn], stacked: bool) -> RichTable:
-        """Return the table; `stacked`: columns for a second line stand below their left neighbour."""
+    def _draw(self, columns: Sequence[TableColumn], stacked: int) -> RichTable:
+        """Return the table; `stacked`: labels have so many characters, second lines stand below their neighbours."""
         cells: list[list[TableColumn]] = []
         for column in columns:
             if stacked and column.second_line and cells:
@@ -163,19 +163,22 @@ class TerminalTable:
             out.add_column(head, justify="right" if first.right else "left", no_wrap=first.right, overflow="fold")
         for row, style in zip(self.table.rows, self.styles, strict=True):
             texts = ([one.text(row) for one in cell] for cell in cells)
-            folded = ([_break_label(first) if stacked else first, *filter(None, below)] for first, *below in texts)
+            folded = (
+                [_break_label(first, stacked) if stacked else first, *filter(None, below)] for first, *below in texts
+            )
             out.add_row(*map("\n".join, folded), style=style)
         return out
 
 
-LABEL_WIDTH = 30  # beyond which a label is broken where a table is stacked
+LABEL_WIDTHS = 30, 16  # beyond which labels are broken where a table is stacked
 
 
-def _break_label(text: str) -> str:
-    """Return a long label in lines that end at its commas; any other text as it is."""
-    if len(text) <= LABEL_WIDTH or " " in text:
+def _break_label(text: str, width: int) -> str:
+    """Return a long label in lines that begin with its bracket or after a comma; any other text as it is."""
+    if len(text) <= width or " " in text:
         return text
-    return "\n".join(wrap(text.replace(",", ", "), LABEL_WIDTH, break_long_words=False)).replace(", ", ",")
+    lines = wrap(text.replace(",", ", ").replace("[", " ["), width, break_long_words=False)
+    return "\n".join(lines).replace(", ", ",").replace(" [", "[")
 
 
 # ------------------------------------------------------------------------------------------------ templates

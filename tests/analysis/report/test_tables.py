@@ -42,7 +42,7 @@ TABLE = Table("t", "50 % & more", COLUMNS, ROWS, {"data-mark": "mark"})
 
 
 def printed(table, width=80):
-    console = Console(width=width)
+    console = Console(markup=False, width=width)
     with console.capture() as captured:
         console.print(table.terminal())
     return captured.get()
@@ -71,6 +71,9 @@ def test_a_terminal_leaves_out_empty_columns_and_folds_and_drops_others_where_it
     assert lines.count(["z"]) == 2
     long = {**ROWS[0], COLUMNS[0].keys[0]: "density=exact,M=1,K=1,weights=exact", "more": "z"}
     assert "density=exact,M=1,K=1," in printed(Table("t", "", columns, [long]), 46).split()
+    name, bracket = "mine.py:Mine", "[trust=0.25]"  # together too wide, and in two lines not
+    narrow = printed(Table("t", "", columns, [{**long, COLUMNS[0].keys[0]: name + bracket}]), 40)
+    assert {name, bracket} <= {*narrow.split()}
     before = number_column("cost\nbefore", "rmse", form=metres, priority=1)
     pair = before, number_column("cost\nafter", "rmse", form=metres, second_line=True, priority=1)
     assert "not shown at this width: cost\n" in printed(Table("t", "", (*COLUMNS, *pair), ROWS), 34)
