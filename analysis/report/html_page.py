@@ -341,9 +341,12 @@ class Wording(NamedTuple):
         label = row.get("estimator", "")
         if column.keys[0] != "estimator" or label not in self.links:
             return escape(column.text(row))
-        title = Markup(' title="{}"').format(label) if self.names.shorten(label) != label else ""
-        link = Markup('{}<a href="{}"{}>{}</a>')
-        return link.format(self.marks.get(label, ""), self.links[label], title, self.names.shorten(label))
+        short = self.names.shorten(label)
+        title = Markup(' title="{}"').format(label) if short != label else ""
+        name, bracket, rest = short.partition("[")
+        link = Markup('{}<a href="{}"{}>{}{}{}{}</a>')  # a long label goes on with its bracket in the next line
+        break_ = Markup("<wbr>") if bracket and not name.endswith(" ") else ""
+        return link.format(self.marks.get(label, ""), self.links[label], title, name, break_, bracket, rest)
 
 
 def marker(pen: style.Pen, centralised: bool) -> Markup:

@@ -166,21 +166,23 @@ def best_honest(found: list[Standing], table: pd.DataFrame) -> str:
     for one in found:
         if one.is_alone and one.able > 1:
             wins.setdefault(one.best, []).append(one)
-    first, *others = sorted(wins, key=lambda name: -len(wins[name]))[: 1 + NAMED] or [""]
+    best = sorted(wins, key=lambda name: -len(wins[name]))[: 1 + NAMED]
+    first = next(iter(best), "")
     ties = [one for one in found if one.best and not one.is_alone]
     mine = [one for one in ties if first in (one.best, *one.equal, *one.tied)]
-    parts = [f"none alone in {in_words(len(found))} scenarios"]
-    if first:
-        parts = [f"{first}, in {_of(len(wins[first]), len(found))} scenarios ({_size_and_lead(wins[first])})"]
-    parts += [f"{name} in {in_words(len(wins[name]))} ({_size_and_lead(wins[name])})" for name in others]
+    parts = [
+        f"{name}, in {_of(len(wins[name]), len(found))} scenarios ({_size_and_lead(wins[name])})" for name in best[:1]
+    ]
+    parts += [f"{name} in {in_words(len(wins[name]))} ({_size_and_lead(wins[name])})" for name in best[1:]]
     for some, words in ((mine, "it ties with {}"), ([one for one in ties if one not in mine], "{} tie")):
         names = [name for one in some for name in (one.best, *one.equal, *one.tied) if name != first]
         known = capped_list(dict.fromkeys(names)) if some else ""
-        parts += [f"in {in_words(len(some))} {words.format(known)}"] * bool(some)
+        parts += [f"in {_of(len(some), len(found)).partition(' of ')[0]} {words.format(known)}"] * bool(some)
     single, none = sum(one.is_alone and one.able == 1 for one in found), sum(not one.best for one in found)
     parts += [f"in {in_words(single)} only one is honest"] * bool(single)
     parts += [f"in {in_words(none)} none is"] * bool(none)
-    return f"Best honest estimator: {'; '.join(parts)}."
+    alone = "Best honest estimator" if first else "No honest estimator stands out"
+    return f"{alone}: {'; '.join(parts)}."
 
 
 def _size_and_lead(wins: list[Standing]) -> str:
@@ -191,7 +193,9 @@ def _size_and_lead(wins: list[Standing]) -> str:
 
 
 def _of(number: int, every: int) -> str:
-    return f"all {in_words(every)}" if number == every else f"{in_words(number)} of {in_words(every)}"
+    if number == every:
+        return "both" if every == 2 else f"all {in_words(every)}"
+    return f"{in_words(number)} of {in_words(every)}"
 
 
 def over_confident_estimators(table: pd.DataFrame) -> str:

@@ -83,7 +83,7 @@ def test_the_answer_says_who_is_lowest_by_how_much_and_who_is_over_confident():
     ones = {"arl": (1.0, 1.0), "ekf-local": (0.5, 1.0), "mrsl-rssi": (0.7, 9.0)}
     found, table = standings(pd.concat([rows_of(f"packet-drop/drop={d}", ones) for d in (0, 0.5)], ignore_index=True))
     text = sentences.best_honest(found, table)
-    assert text.startswith("Best honest estimator: ekf-local, in all two scenarios (0.")
+    assert text.startswith("Best honest estimator: ekf-local, in both scenarios (0.")
     assert " m, at least " in text
     assert text.endswith(" below arl).")
     over = sentences.over_confident_estimators(table)
@@ -98,3 +98,6 @@ def test_the_answer_says_who_is_lowest_by_how_much_and_who_is_over_confident():
     rows = pd.concat([one.assign(scenario=s) for one, s in zip(both, labels, strict=True)], ignore_index=True)
     text = sentences.best_honest(*standings(rows))
     assert re.fullmatch(r"Best honest estimator: a, in one of two scenarios \(.*\); in one it ties with b\.", text)
+    rows = pd.concat([both[0].assign(scenario=s) for s in labels], ignore_index=True)
+    text = sentences.best_honest(*standings(rows))
+    assert text == "No honest estimator stands out: in both b and a tie."
