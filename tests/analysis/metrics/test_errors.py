@@ -59,6 +59,8 @@ def test_ticks_without_truth_and_the_burn_in_do_not_count():
     truth.valid[0, 2] = False
     row = errors(truth, run, burn_in=1).iloc[0]
     assert (row["ticks"], row["mse"], row["final_error"]) == (2, (1 + 9) / 2, 3)
+    truth.valid[0, 2:] = [[True], [False]]
+    assert errors(truth, run)["final_error"].item() == 50
 
 
 def test_divergence_is_that_of_the_last_quarter():
