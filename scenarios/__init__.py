@@ -171,7 +171,9 @@ def family(name: str) -> Family:
     """
     found = REGISTRY.find(name)
     if not isinstance(found, Family):
-        raise BadInput(f"the scenario {name!r} is not a cooploc Family, but {found!r}")
+        what = f"the class {found.__name__}" if isinstance(found, type) else f"of type {type(found).__name__}"
+        remedy = 'name what cooploc.scenarios.Family("what it is", CLASS) makes'
+        raise BadInput(f"the scenario {name!r} is {what} and no Family: {remedy}")
     return found
 
 

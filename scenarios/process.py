@@ -32,7 +32,8 @@ from cooploc.estimators.plugin_files import load, needed_files
 BUILTIN, PLUGINS, SESSION = "built in", "plug-ins", "session"  # owners: jobs, plug-ins of a study, objects in Python
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
 # A crash says so in one line; a process that grew by this many bytes is replaced between two calls.
-ENVIRONMENT = {**ONE_THREAD, "PYTHONFAULTHANDLER": "", "LOKY_MAX_MEMORY_LEAK_SIZE": "1e9"}
+SAFE_PATH = "PYTHONSAFEPATH"  # what starts with it imports no random.py of its directory in place of Python's
+ENVIRONMENT = {**ONE_THREAD, "PYTHONFAULTHANDLER": "", "LOKY_MAX_MEMORY_LEAK_SIZE": "1e9", SAFE_PATH: "1"}
 IDLE = 600  # [s] after which an idle process ends
 LONGEST = 1e7  # [s] beyond which a limit is none, as no timer goes so far
 PATIENCE = 10.0  # [s] that imports and compilation may take longer than a trial
@@ -96,14 +97,15 @@ class Outcome(NamedTuple):
 def place_of(e: BaseException) -> str:
     """Return the last file and line in a user's code, such as " (mine.py:12)", here or in another process.
 
-    Where there is none, that of our code; but not of an error of our own, which says what was wrong.
+    Where there is none, that of a library or of our code; but not of an error of our own, which says what was wrong.
     """
     if isinstance(e.__cause__, RemoteTraceback):
         return e.__cause__.place
     frames = [one for one in traceback.extract_tb(e.__traceback__) if one.filename != __file__]
     theirs = [one for one in frames if not one.filename.startswith(OURS)]
     own = [] if type(e).__module__.startswith("cooploc.") else frames
-    for one in (theirs or own)[-1:]:
+    written = [one for one in theirs if not one.filename.startswith((sys.prefix, sys.base_prefix))]
+    for one in (written or theirs or own)[-1:]:
         return f" ({Path(one.filename).name}:{one.lineno})"
     return ""
 
@@ -163,6 +165,20 @@ def wait_for(owner: str, future: "Future[Outcome]", seconds: float = float("inf"
 QUIET = "ignore:resource_tracker:UserWarning"
 
 
+@contextlib.contextmanager
+def _starting_processes() -> Iterator[None]:
+    """Set what processes take over that start in a block."""
+    before = os.environ.get(SAFE_PATH)
+    os.environ[SAFE_PATH] = "1"
+    sys.warnoptions.append(QUIET)
+    try:
+        yield
+    finally:
+        sys.warnoptions.remove(QUIET)
+        os.environ.pop(SAFE_PATH)
+        os.environ.update({SAFE_PATH: before} if before else {})
+
+
 def pool(owner: str, jobs: int = 1) -> Executor:
     """Return an owner's processes: those of its last call, or new ones."""
     from loky import ProcessPoolExecutor
@@ -173,12 +189,9 @@ def pool(owner: str, jobs: int = 1) -> Executor:
     if key not in _pools:
         Finalize(None, end_all, exitpriority=100)  # else a process that was itself forked would wait for them
         begin = {"initializer": _begin_worker, "initargs": (os.getpid(), owner != BUILTIN)}
-        sys.warnoptions.append(QUIET)  # the tracker that starts here takes it over
-        try:
+        with _starting_processes():
             _pools[key] = ProcessPoolExecutor(jobs, timeout=IDLE, env=ENVIRONMENT, **begin), _source_times()
             resource_tracker.ensure_running()  # loky needs it; as it starts, it lets Ctrl-C in again
-        finally:
-            sys.warnoptions.remove(QUIET)
         # Processes that are started here never see Ctrl-C, not even as they import; in this one it waits until then.
         before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
         try:
@@ -221,6 +234,7 @@ def _begin_worker(parent: int, limited: bool) -> None:
     """Leave Ctrl-C and stdout to the parent process, end when it ends, and be ended first where memory runs out."""
     global _limited
     _limited = limited
+    os.environ.pop(SAFE_PATH, None)  # programs that a plug-in starts find their files
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.dup2(2, 1)
     with contextlib.suppress(OSError):

@@ -79,6 +79,8 @@ class Family:
             cls = load_object(cls, f"the model {cls} of scenario {name!r}")
         if not hasattr(cls, "model_fields"):
             raise BadInput(f"the model of scenario {name!r} is {cls!r}; it must be a pydantic model")
+        if lacking := [method for method in ("world", "simulate") if not hasattr(cls, method)]:
+            raise BadInput(f"the model of scenario {name!r} has no method {lacking[0]}(): {cls.__name__} must have it")
         return cls
 
 
@@ -165,8 +167,19 @@ class ResolvedScenario:
         model = self._model_of(numbers)
         self.require_memory(len(numbers))
         world = self._assume(model.world(), numbers) if self.assumed else model.world()
-        truth, stream = model.simulate(self.label, numbers, seed, world)
+        truth, stream = self._require_pair(model.simulate(self.label, numbers, seed, world))
         return add_team_priors(truth, stream) if self.options.team_priors else (truth, stream)
+
+    def _require_pair(self, found: Any) -> tuple[Truth, Stream]:
+        """Refuse what a model must not return."""
+        kinds = [type(one) for one in found] if isinstance(found, tuple | list) else [type(found)]
+        if kinds != [Truth, Stream]:
+            given = ", ".join(kind.__name__ for kind in kinds)
+            raise BadInput(f"scenario {self.label!r}: its simulate() returned {given}; it must be truth, stream")
+        truth, stream = found
+        if not np.isfinite(truth.x[truth.valid][..., :2]).all():
+            raise BadInput(f"scenario {self.label!r}: true positions are not finite in ticks that are said to be valid")
+        return truth, stream
 
     def require_memory(self, trials: int) -> None:
         """Refuse so many trials at once of a simulation, if this machine or container has not the memory for them."""

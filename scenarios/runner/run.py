@@ -17,11 +17,21 @@ import numpy as np
 from cooploc.estimators import configure, is_builtin, make, split_labels
 from cooploc.estimators.adapters import Adapter
 from cooploc.estimators.building import ConfiguredEstimator, build
-from cooploc.estimators.errors import BadInput
+from cooploc.estimators.errors import BadInput, one_line
 from cooploc.estimators.interface import Array, Indices, Rows
 from cooploc.estimators.label_syntax import expand
 from cooploc.scenarios import BUILTIN, process, resolve, seeds
-from cooploc.scenarios.process import PATIENCE, PLUGINS, SESSION, WorkerError, call, limit_time, submit, wait_for
+from cooploc.scenarios.process import (
+    PATIENCE,
+    PLUGINS,
+    SESSION,
+    WorkerError,
+    call,
+    limit_time,
+    place_of,
+    submit,
+    wait_for,
+)
 from cooploc.scenarios.runner.tick import EstimatorError, IncompatibleEstimator
 from cooploc.scenarios.runner.trace import Trace, require_fit, trace, warm_up
 from cooploc.scenarios.scenario import ResolvedScenario
@@ -266,12 +276,12 @@ def find_misfits(
     With `isolate`, what is not built in is tried in a process of its own: a crash there is a failure of its trials.
     """
     if isolate and scenario.name not in BUILTIN:
-        labels = [one.label for one in estimators]
+        asked = scenario.label, scenario.data, [one.label for one in estimators], seed
         with suppress(WorkerError):
-            return dict(call(PLUGINS, _find_misfits_of_labels, scenario.label, scenario.data, labels, seed))
+            return dict(call(PLUGINS, _find_misfits_of_labels, *asked, seconds=time_limit + PATIENCE))
         return {}
     scenario.require_memory(trials=1)
-    stream, misfits = replace(scenario.first_tick().simulate(1, seed)[1], scenario=scenario.label), {}
+    stream, misfits = replace(_first_stream(scenario, seed), scenario=scenario.label), {}
     for one in estimators:
         try:
             if isolate and not one.builtin:
@@ -282,6 +292,24 @@ def find_misfits(
         except IncompatibleEstimator as e:
             misfits[one.label] = e
     return misfits
+
+
+def _first_stream(scenario: ResolvedScenario, seed: int) -> Stream:
+    """Return the stream of a scenario's first tick; of one that is not built in, only if it comes again."""
+    first = scenario.first_tick()
+    if scenario.name in BUILTIN:
+        return first.simulate(1, seed)[1]
+    try:
+        stream = first.simulate(1, seed)[1]
+        again = stream if first.is_recording else first.simulate(1, seed)[1]
+    except BadInput:
+        raise
+    except Exception as e:  # a plug-in may fail in any way
+        raise BadInput(f"scenario {scenario.label!r} cannot be simulated: {one_line(e)}{place_of(e)}") from e
+    if again.hashes != stream.hashes:
+        remedy = "draw every random number from cooploc.scenarios.seeds.generator(seed, trial, purpose)"
+        raise BadInput(f"scenario {scenario.label!r} gives other readings for the same seed: {remedy}")
+    return stream
 
 
 def _find_misfits_of_labels(

@@ -51,9 +51,16 @@ def test_of_several_topics_of_a_robot_that_of_the_method_counts(truth, tmp_path)
 @pytest.mark.parametrize("true", ["/{}/ground_truth", "/vicon/{}/pose"])
 def test_a_bag_may_hold_the_truth_beside_what_a_filter_says(tmp_path, true):
     _, paths = paths_of_all()
-    own = [poses(f"/{robot}/mine", ODOMETRY, paths["mine"][robot]) for robot in ROBOTS]
+    own = [poses(f"/{robot}/{name}", ODOMETRY, paths[name][robot]) for name in ("mine", "theirs") for robot in ROBOTS]
     bag = write(tmp_path / "bag", *own, *(poses(true.format(r), POSE, paths["truth"][r]) for r in ROBOTS))
-    assert rmse_of(judge_trajectories(bag, {"mine": bag})[0]) == expected_of()
+    assert rmse_of(judge_trajectories(bag, dict.fromkeys(("mine", "theirs"), bag))[0]) == expected(paths)
+
+
+def test_topics_with_covariances_come_before_those_without(truth, tmp_path):
+    _, paths = paths_of_all()
+    with_it = [poses(f"/{robot}/odom", ODOMETRY, paths["mine"][robot]) for robot in ROBOTS]
+    bag = write(tmp_path / "bag", *with_it, *(poses(f"/{r}/pose", POSE, paths["theirs"][r]) for r in ROBOTS))
+    assert rmse_of(judge_trajectories(truth, {"mine": bag})[0]) == expected_of()
 
 
 def test_of_a_damaged_bag_what_can_be_recovered_is_judged(truth, tmp_path):
@@ -145,7 +152,7 @@ def test_robots_are_where_the_frames_of_their_bases_are_in_the_root_of_tf(truth,
 def test_models_of_gazebo_are_the_truth_and_odometry_is_so_with_a_note(tmp_path):
     t, paths = paths_of_all()
     odometry = [poses(f"/{robot}/odom", ODOMETRY, paths["truth"][robot]) for robot in ROBOTS]
-    models = {"wall": np.zeros((len(t), 3)), **paths["truth"]}
+    models = {"wall": np.tile([3.0, 1.0, 0.0], (len(t), 1)), **paths["truth"]}
     states = [
         ("/gazebo/model_states", STATES, s, {"name": [*models], "pose": [pose_at(x, y, 0.0, h) for x, y, h in now]})
         for s, *now in zip(START + t, *models.values(), strict=True)

@@ -7,8 +7,12 @@ import sys
 
 import pytest
 from processes import environment, finish
+from pydantic import BaseModel
 
 import cooploc as cl
+from cooploc.analysis.execution.run import prepare
+from cooploc.scenarios import BUILTIN, Family
+from cooploc.scenarios.studies.study import Study
 
 FILE = """
 from dataclasses import dataclass
@@ -125,6 +129,50 @@ def test_a_scenario_in_a_file_is_a_scenario_like_any_other(tmp_path, monkeypatch
     truth, stream = cl.simulate("windy.py:WINDY/wind=2[ticks=4]", trials=2)
     assert truth.x.shape[:3] == (2, 4, 2)
     assert stream.scenario == "windy.py:WINDY/wind=2[ticks=4]"
-    for label, said in (("Windy", "is not a cooploc Family"), ("WINDY/rain=1", "has no 'rain=1'; known are wind=")):
+    for label, said in (
+        ("Windy", "is the class Windy and no Family: name what"),
+        ("WINDY/rain=1", "has no 'rain=1'; known are wind="),
+    ):
         with pytest.raises(cl.BadInput, match=said):
             cl.simulate(f"windy.py:{label}")
+
+
+@pytest.mark.parametrize(
+    ("body", "said"),
+    [
+        (
+            "return super().simulate(label, trials, seed, world)[::-1]",
+            "returned Stream, Truth; it must be truth, stream",
+        ),
+        ("pass", "returned NoneType; it must be truth, stream"),
+        ("return self.gusts", r"cannot be simulated: AttributeError: .* no attribute 'gusts' \(windy.py:7\)$"),
+        (
+            "return super().simulate(label, trials, next(NUMBERS), world)",
+            "gives other readings for the same seed: draw",
+        ),
+        (
+            "pair = super().simulate(label, trials, seed, world); pair[0].x[:] = float('nan'); return pair",
+            "true positions are not finite in ticks that are said to be valid",
+        ),
+    ],
+)
+@pytest.mark.parametrize("isolate", [True, False])
+def test_a_world_that_does_not_work_is_one_line_before_anything_runs(tmp_path, monkeypatch, body, said, isolate):
+    monkeypatch.chdir(tmp_path)
+    method = f"    def simulate(self, label, trials, seed, world):\n        {body}\n\nNUMBERS = iter(range(99))\n"
+    (tmp_path / "windy.py").write_text(
+        WORLD.replace("    wind: float = 0.0\n", method).replace(', {"wind": "wind"}', "")
+    )
+    study = Study(name="s", scenarios=("windy.py:WINDY",), estimators=("dead-reckoning",))
+    with pytest.raises(cl.BadInput, match=said):
+        prepare(study, isolate=isolate)
+
+
+def test_a_model_without_the_methods_of_a_world_says_which(monkeypatch):
+    class Empty(BaseModel):
+        def world(self):
+            return None
+
+    monkeypatch.setitem(BUILTIN, "empty", Family("nothing", Empty))
+    with pytest.raises(cl.BadInput, match=r"the model of scenario 'empty' has no method simulate\(\): Empty must have"):
+        cl.simulate("empty")

@@ -78,6 +78,15 @@ def test_a_process_that_ends_or_hangs_is_an_error_and_the_next_call_has_another(
 
 
 @pytest.mark.slow
+def test_a_file_named_like_a_module_of_python_harms_no_process_that_starts_beside_it(tmp_path, monkeypatch):
+    (tmp_path / "random.py").write_text("raise RuntimeError('not that of Python')")
+    monkeypatch.chdir(tmp_path)
+    assert call("test", os.environ.get, "PYTHONSAFEPATH") is None  # what a plug-in starts finds its files
+    assert "PYTHONSAFEPATH" not in os.environ
+    end("test")
+
+
+@pytest.mark.slow
 def test_a_file_edited_while_a_run_goes_on_leaves_its_processes_alone_until_it_is_over(tmp_path, monkeypatch):
     (tmp_path / "of_mine.py").write_text("")
     monkeypatch.syspath_prepend(tmp_path)
