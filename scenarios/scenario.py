@@ -90,13 +90,12 @@ class StreamOptions(BaseModel):
     team_priors: bool = False
 
 
-def add_team_priors(truth: Truth, stream: Stream) -> tuple[Truth, Stream]:
-    """Return truth and stream with a channel (t, T, n, n, d + d d): in every tick, everyone's x and P."""
+def add_team_priors(stream: Stream) -> Stream:
+    """Return the stream with a channel (t, T, n, n, d + d d): in every tick, everyone's x and P."""
     x, P = stream.prior
     flat = np.concatenate([x, P.reshape(*x.shape[:-1], -1)], -1)[:, None, None]
     shape = len(x), len(stream.time), stream.robots, *flat.shape[-2:]
-    stream = stream.replace_arrays({f"extra.{TEAM_PRIOR}": np.broadcast_to(flat, shape)})  # one copy for all ticks
-    return replace(truth, origin=stream.hashes), stream
+    return stream.replace_arrays({f"extra.{TEAM_PRIOR}": np.broadcast_to(flat, shape)})  # one copy for all ticks
 
 
 MOST_TRIALS = 1_000_000  # of one call
@@ -168,7 +167,8 @@ class ResolvedScenario:
         self.require_memory(len(numbers))
         world = self._assume(model.world(), numbers) if self.assumed else model.world()
         truth, stream = self._require_pair(model.simulate(self.label, numbers, seed, world))
-        return add_team_priors(truth, stream) if self.options.team_priors else (truth, stream)
+        stream = add_team_priors(stream) if self.options.team_priors else stream
+        return replace(truth, origin=stream.hashes), stream  # a model may have changed the stream of another one
 
     def _require_pair(self, found: Any) -> tuple[Truth, Stream]:
         """Refuse what a model must not return."""

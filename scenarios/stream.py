@@ -17,7 +17,7 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from cooploc.estimators import models
-from cooploc.estimators.errors import BadInput
+from cooploc.estimators.errors import BadInput, nearest
 from cooploc.estimators.interface import Array, Belief, Indices, Mask, Senses, World
 
 FORMAT = 3  # of the file; 2 had a checksum in its header
@@ -129,7 +129,14 @@ class Stream:
         return replace(self.replace_arrays(arrays), time=self.time[:ticks])
 
     def replace_arrays(self, arrays: Mapping[str, Any]) -> "Stream":
-        """Return a stream with some of `arrays()` replaced."""
+        """Return a stream with some of `arrays()` replaced; what begins with "extra." may be new.
+
+        Raises:
+            BadInput: there is no array of that name.
+        """
+        own = self.arrays()
+        if unknown := [name for name in arrays if name not in own and not name.startswith("extra.")]:
+            raise BadInput(f"a stream has no array {unknown[0]!r}; {nearest(unknown[0], list(own))}")
         return replace(self, **_readings({**self.arrays(), **arrays}))
 
     def save(self, path: str | Path) -> None:

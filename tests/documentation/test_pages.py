@@ -70,15 +70,19 @@ def test_the_guide_on_claims_has_a_ledger_that_is_read_and_every_kind_with_what_
 
 
 @pytest.mark.slow
-def test_the_world_of_the_guide_runs(tmp_path, monkeypatch):
+def test_the_worlds_of_the_guide_run(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     guide = ROOT / "docs/how-to/world.md"
-    Path("office.py").write_text(blocks(guide)[0])
-    (labels,) = re.findall(r"scenarios = (\[.+\])", guide.read_text("utf-8"))
-    Path("office.toml").write_text(f'about = "a"\nscenarios = {labels}\nestimators = ["arl"]\ntrials = 1\n')
-    results = cl.run_study("office.toml")
-    assert results.table["robots"].tolist() == [2, 4, 3]
-    assert len(results.failures) == 0
+    labels = re.findall(r"scenarios = (\[.+\])", guide.read_text("utf-8"))
+    tables = []
+    for name, text, scenarios in zip(("office", "ice"), blocks(guide), labels, strict=True):
+        Path(f"{name}.py").write_text(text)
+        Path(f"{name}.toml").write_text(f'scenarios = {scenarios}\nestimators = ["dead-reckoning"]\ntrials = 1\n')
+        results = cl.run_study(f"{name}.toml")
+        assert len(results.failures) == 0
+        tables.append(results.table)
+    assert tables[0]["robots"].tolist() == [2, 4, 3]
+    assert tables[1]["rmse"].is_monotonic_increasing
 
 
 @pytest.mark.slow

@@ -182,3 +182,8 @@ def test_one_nan_is_as_absent_as_another(payload, negative):
 
 
 ABSENT = short(trials=1)
+
+
+def test_an_array_that_a_stream_does_not_have_is_refused_and_not_left_out():
+    with pytest.raises(BadInput, match=r"a stream has no array 'odometry'; did you mean 'senses\.odometry'"):
+        ABSENT.replace_arrays({"odometry": 0.0})
