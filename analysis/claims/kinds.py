@@ -82,6 +82,8 @@ class Claim(LedgerTable):
         for label in self.scenarios if kind.scenarios != "all" else ():
             if "{" in label:
                 raise ValueError(f"{this} takes no range like {label!r}: list the scenarios")
+        if self.kind in RELATIVE and self.size is not None and self.size <= -1:
+            raise ValueError(f"size {self.size:g} is no change of an error: write -0.5 for 50 % less")
         if self.kind in RELATIVE and self.size is not None and abs(self.size) <= self.margin:
             raise ValueError(f"size {self.size} is not beyond margin {self.margin}: make margin smaller")
         return self

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
+from cooploc import estimators, scenarios
 from cooploc.analysis.metrics.compare import sweep
 from cooploc.analysis.metrics.errors import TRIAL, drop_failed, trial_means
 from cooploc.analysis.metrics.ranking import is_refused
@@ -18,6 +19,7 @@ from cooploc.estimators import nearest, parse
 from cooploc.estimators.building import RENAMED
 from cooploc.estimators.interface import Array
 from cooploc.estimators.label_syntax import write_label
+from cooploc.scenarios.scenario import split_family
 
 Key = tuple[str, str]  # labels of a scenario and an estimator
 
@@ -40,7 +42,8 @@ class TrialTable(NamedTuple):
         frame = self.frames.get(_canonical(key))
         if frame is None:
             here = [name for scenario, name in self.frames if scenario == canonical(key[0])]
-            raise Missing(f"no rows of {key[1]} in {key[0]}" + (f"; {nearest(key[1], here)}" if here else ""))
+            near = f"; {nearest(key[1], here)}" if here and parse(key[1])[0] not in estimators.names() else ""
+            raise Missing(f"no rows of {key[1]} in {key[0]}{near}")
         return frame
 
     def values(self, column: str, *keys: Key) -> Array:
@@ -87,7 +90,9 @@ class TrialTable(NamedTuple):
             values = {s: sweep(s)[2] for s in known if sweep(s)[:2] == wanted}
             inside = sorted((s for s, v in values.items() if float(low) <= v <= float(high)), key=lambda s: values[s])
         if not inside:
-            raise Missing(f"no rows of {'any ' if found else ''}scenario {label}")
+            is_known = split_family(parse(label)[0])[0] in scenarios.names()
+            near = "" if found or is_known else f"; {nearest(label, known)}"
+            raise Missing(f"no rows of {'any ' if found else ''}scenario {label}{near}")
         return inside
 
 

@@ -244,6 +244,8 @@ class VerdictCounts(NamedTuple):
     expected: float  # decided ones expected to be false, by `statistics.expected_false`
 
     def __str__(self) -> str:
+        if not self.judged:
+            return "No case was judged."
         are, stand = "is" if self.decided == 1 else "are", "stands" if self.stand == 1 else "stand"
         return (
             f"Of {count_of(self.judged, 'judged case')} {self.decided} {are} decided, and {self.stand} of these "

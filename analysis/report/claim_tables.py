@@ -86,7 +86,7 @@ def cases_not_run(part: pd.DataFrame) -> str:
     """Return how many cases of one claim, as the paper states it, were not run, and why; nothing where all were."""
     stated = part[part["variant"] == part["variant"].iloc[0]]
     reasons = stated.loc[stated["verdict"] == "not run", "remark"]
-    kinds = list(dict.fromkeys(reason.partition(";")[0] for reason in reasons))
+    kinds = list(dict.fromkeys(one if "did you mean" in one else one.partition(";")[0] for one in reasons))
     more = f"; and {count_of(len(kinds) - SHOWN, 'reason')} more" if len(kinds) > SHOWN else ""
     return f"not run: {len(reasons)} of {count_of(len(stated), 'case')}: {'; '.join(kinds[:SHOWN])}{more}" * bool(kinds)
 

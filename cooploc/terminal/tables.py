@@ -305,6 +305,7 @@ READING_LEGEND = (
     "letter: the reading nearest to the words of the paper; code: what public code of its authors does. implausible: "
     "the method compared with is worse than dead reckoning."
 )
+FEW = 5  # claims that were not run, of which each says why
 STYLES = {"supported": "green", "direction only": "yellow", "flat": "magenta", "contradicted": "red"}
 STYLES |= {"undecided": "cyan"}
 
@@ -313,11 +314,11 @@ def show_verdicts(
     verdicts: pd.DataFrame, ledger: ledgers.Ledger, every_column: bool = False, legend: bool = False
 ) -> None:
     """Print a table for every claim, then the readings, and how many verdicts may be false."""
-    console, skipped = make_console(every=every_column), []
+    console, skipped = make_console(every=every_column), dict[str, str]()
     console.print(ledger.paper)
     for claim, part in verdicts.groupby("claim", sort=False):
         if (part["verdict"] == "not run").all():
-            skipped.append(str(claim))
+            skipped[str(claim)] = claim_tables.cases_not_run(part)
             continue
         says, where, left_open, readings = part[["says", "where", "open", "map"]].iloc[0]
         console.print(f"\n{claim}. {claim_tables.name_claim(says, where)}", style="bold")
@@ -327,8 +328,10 @@ def show_verdicts(
         if readings:
             console.print(f" over all readings: {readings}")
     console.print()
-    if skipped:
+    if len(skipped) > FEW:
         console.print(f"Not run at all, as this run lacks their scenarios or estimators: claims {join_words(skipped)}")
+    for claim, why in skipped.items() if len(skipped) <= FEW else ():
+        console.print(f"claim {claim}, {why}")
     ran = set(verdicts.loc[verdicts["verdict"] != "not run", "variant"])
     abouts = [f"{name}: {variant.about}" for name, variant in ledger.variants.items() if name in ran]
     for text in (*abouts, VERDICT_LEGEND) if legend else ():

@@ -220,7 +220,9 @@ def test_a_trend_compares_the_first_scenario_with_each_later_one(later, expected
     ("claim", "missing"),
     [
         ({**CHANGE, "than": "bb"}, "no rows of bb in s; did you mean 'b'?"),
-        ({**CHANGE, "scenarios": "t"}, "no rows of scenario t"),
+        ({**CHANGE, "than": "ekf-joint"}, "no rows of ekf-joint in s"),  # there is one, and it was not run
+        ({**CHANGE, "scenarios": "t"}, "no rows of scenario t; known are s"),
+        ({**CHANGE, "scenarios": "nlos"}, "no rows of scenario nlos"),
         ({**SWEEP, "scenarios": "s/k={2..9}"}, r"no rows of any scenario s/k={2..9}"),
         ({"kind": "growth", "of": "a", "scenarios": "s"}, "growth needs three scenarios, the run has s"),
         ({"kind": "slope", "of": "a", "scenarios": "s", "size": 1}, "five sizes, the run has 1"),
@@ -231,6 +233,7 @@ def test_a_claim_that_was_not_run_names_what_is_missing(claim, missing):
     found = verdict(two(1.0), **claim)
     assert found["verdict"] == "not run"
     assert missing in found["remark"]
+    assert ("did you mean" in found["remark"]) == ("did you mean" in missing)
 
 
 def test_over_confidence_failures_and_centralised_estimators_are_remarked():
@@ -318,6 +321,7 @@ def claim_with(**keys):
         (claim_with(kind="level", of="a", scenarios="s"), "'size'"),
         (claim_with(kind="level", of="a", scenarios="s", size=1, than="b"), "does not use 'than'"),
         (claim_with(**CHANGE, size=-0.03), "size -0.03 is not beyond margin"),
+        (claim_with(**CHANGE, size=-50), "size -50 is no change of an error: write -0.5 for 50 % less"),
         (claim_with(**CHANGE, size="big"), "size"),
         ({"paper": "p", "claims": [{"id": "7", "says": "x", **CHANGE}] * 2}, "two claims of that id"),
         (claim_with(**{**CHANGE, "scenarios": "s/n={1..3}"}), "takes no range"),
