@@ -39,7 +39,7 @@ from cooploc.scenarios.check_harness import (
     require_none,
 )
 from cooploc.scenarios.process import PLUGINS, SESSION, WorkerError, call
-from cooploc.scenarios.runner.run import label_of, list_table, make_instance, missing_methods
+from cooploc.scenarios.runner.run import OFFLINE, ROBOT, label_of, list_table, make_instance, missing_methods
 from cooploc.scenarios.runner.tick import Watcher
 from cooploc.scenarios.runner.trace import ROUNDING, trace
 from cooploc.scenarios.stream import Stream
@@ -179,6 +179,8 @@ def runs(harness: Harness) -> str:
     estimator, about = harness.estimator, harness.traits
     if isinstance(estimator, type):
         raise CheckFailed(f"it is the class {estimator.__name__}, not an instance", f"pass {estimator.__name__}()")
+    if not any(hasattr(estimator, method) for method in (*ROBOT, *OFFLINE)):
+        raise CheckFailed(f"it is of type {type(estimator).__name__} and has no method of an estimator", "name another")
     if reason := refusal(estimator):
         fact, _, remedy = reason.rpartition(": ")
         raise CheckFailed(fact, remedy)

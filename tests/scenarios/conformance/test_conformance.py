@@ -29,7 +29,7 @@ GALLERY = [
     (broken.Crashes(), "runs", r"correct\(\) raised at tick 0 of 'robots.*TypeError: unsupported.* \(broken.py:\d+\)"),
     (broken.IgnoresAbsence(), "runs", "not finite in .*some readings absent', trial 0, tick 1, robot 0"),
     (broken.DeadReckoning, "runs", "is the class DeadReckoning, not an instance"),
-    (None, "runs", "interface None"),
+    (None, "runs", "it is of type NoneType and has no method of an estimator"),
     (broken.ReturnsPositions(), "runs", r"estimate\(\) at tick 0 returned ndarray: return Belief\(x, P\)"),
     (broken.Undecorated(), "runs", "Undecorated declares parameters, which it does not get"),
     (broken.Misspells(), "runs", "needs channel 'anchor_rsi'.*; did you mean 'anchor_rssi'"),
