@@ -293,16 +293,17 @@ def outlier_warnings(table: pd.DataFrame) -> list[str]:
 # ---- over time, and over a sweep
 
 
-def over_time(truth: Truth, run: Run) -> pd.DataFrame:
+def over_time(truth: Truth, run: Run, step: int = 1) -> pd.DataFrame:
     """Return `rmse` [m] and `anees` by (estimator, tick), with 95 % intervals over trials, and the chi-square band.
 
+    With a `step` of 2 every second tick is there, the first one among them.
     Robots are pooled within a trial first. `band_low` and `band_high` hold the ANEES of a consistent estimator in
     95 % of the ticks if errors are Gaussian and the robots of a trial count as one: a guide, not a test.
     """
     rows: list[dict[str, Any]] = []
     for name, trace in run.traces.items():
         d2, nees = position_errors(truth, run, trace)
-        for k in range(d2.shape[1]):
+        for k in range(0, d2.shape[1], step):
             mse, anees = (np.nanmean(a[~np.isnan(a).all(1)], axis=1) for a in (d2[:, k], nees[:, k] / 2))
             rmse = Interval(*np.sqrt(FIXED.mean_of_positive(mse)))
             row = {"scenario": run.scenario, "estimator": name, "tick": k, **rmse.columns("rmse")}

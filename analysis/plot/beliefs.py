@@ -93,9 +93,16 @@ def anees(truth: Truth, run: Run, ax: Axes | None = None) -> Axes:
     return ax
 
 
+MOST_TICKS = 2000  # more than a figure has points beside each other
+
+
 def _draw_over_time(ax: Axes, truth: Truth, run: Run, what: str, label: str) -> pd.DataFrame:
-    """Draw a line over the ticks for each estimator, with its band; return the table of `over_time`."""
-    table, pens = over_time(truth, run), style.session_pens(run.traces)
+    """Draw a line over the ticks for each estimator, with its band; return the table of `over_time`.
+
+    Of more than `MOST_TICKS` every second one is drawn, or fewer.
+    """
+    step = -(-truth.x.shape[1] // MOST_TICKS)
+    table, pens = over_time(truth, run, step), style.session_pens(run.traces)
     for name, rows in table.groupby("estimator", sort=False):
         colour, _, line = pens[str(name)]
         style.draw_band(ax, rows["tick"], rows[f"{what}_low"], rows[f"{what}_high"], colour)

@@ -125,6 +125,7 @@ def test_the_curve_pools_to_the_table():
     assert curve["anees"].mean() == pytest.approx(table["anees"].item())
     assert (curve["rmse_low"] < curve["rmse"]).all()
     assert curve[["band_low", "band_high"]].iloc[0].tolist() == list(band(6, 2))
+    pd.testing.assert_frame_equal(over_time(*ran, step=4), curve.iloc[::4].reset_index(drop=True))
 
 
 def test_the_band_holds_95_percent_of_consistent_filters():
