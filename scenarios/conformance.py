@@ -355,8 +355,9 @@ def covariance(harness: Harness) -> str:
 def silence(harness: Harness) -> str:
     """Require that with odometry alone it moves as dead reckoning does, and that its uncertainty never shrinks.
 
-    It agrees to one standard deviation of what odometry adds. Where odometry has led out of the arena it may do as it
-    likes; the covariance of one that samples may shrink by chance.
+    It agrees to one standard deviation of what odometry adds; one that draws random numbers, whose mean may wander as
+    few particles do, to one more of what it states, and its covariance may shrink by chance. Where odometry has led out
+    of the arena it may do as it likes.
     """
     if harness.traits.own_motion:
         raise CheckSkipped(f"own_motion: {harness.traits.own_motion}")
@@ -369,7 +370,7 @@ def silence(harness: Harness) -> str:
         found, dead = harness.run(quiet, quietly).trace, trace("dead-reckoning", make("dead-reckoning"), quiet)
         stated, variance = (P[..., 0, 0] + P[..., 1, 1] for P in (found.P, dead.P))
         growth = np.sqrt(np.maximum(variance - variance[:, :1], 0.0))
-        allowed = growth + 0.1 * growth[:, -1:]
+        allowed = growth + 0.1 * growth[:, -1:] + (0.0 if harness.deterministic else np.sqrt(stated))
         moved, expected = (x[..., :2] - x[:, :1, :, :2] for x in (found.x, dead.x))
         low, high = quiet.world.arena
         inside = np.logical_and.accumulate(((dead.x[..., :2] > low) & (dead.x[..., :2] < high)).all(-1), axis=1)

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
+from honest import Resampled
 
 from cooploc.estimators.dead_reckoning import DeadReckoning
 from cooploc.estimators.ekf_joint import EkfJoint
@@ -279,6 +280,15 @@ class IgnoresOdometry(DeadReckoning):
 
     def predict(self, s, z):
         return super().predict(s, z)._replace(x=s.x + 1e-9 * np.nan_to_num(z.odometry[:, :1]))
+
+
+class StaysAtRandom(Resampled):
+    """Reads odometry and does not move, but for what drawing particles again does."""
+
+    def predict(self, z):
+        still = self.points.copy()
+        super().predict(z)
+        self.points = still[self.rng.integers(100, size=100)] + 1e-9 * (self.points - still)
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from cooploc.estimators.adapters import PerRobot, motion_of
 from cooploc.estimators.ekf_local import EkfLocal
 from cooploc.estimators.ekf_naive import EkfNaive
 from cooploc.estimators.interface import Array, Belief
@@ -72,4 +73,31 @@ class FewParticles(Mrsl):
     particles: int = 30
 
 
-HONEST = SamplesItsCovariance, LateToTheAnchors, SendsEveryThirdTick, FewParticles
+class Resampled:
+    """A particle filter as one writes it first: it draws all particles again in every tick, whatever was read."""
+
+    uses = ("odometry",)
+
+    def __init__(self, prior, world, robot, key):
+        self.world, self.rng = world, np.random.default_rng(key)
+        self.points = self.rng.multivariate_normal(prior.x, prior.P, 100)
+
+    def predict(self, z):
+        moved = motion_of(self.world, z).sample(self.points, self.rng.normal(size=(100, 2)))
+        self.points = moved[self.rng.integers(100, size=100)]
+
+    def correct(self, z):
+        pass
+
+    def estimate(self):
+        return self.points.mean(0), np.cov(self.points.T)
+
+
+class ResamplesAlways(PerRobot):
+    """`Resampled`, for each robot."""
+
+    def __init__(self):
+        super().__init__(Resampled)
+
+
+HONEST = SamplesItsCovariance, LateToTheAnchors, SendsEveryThirdTick, FewParticles, ResamplesAlways

@@ -11,6 +11,7 @@ import pytest
 
 from cooploc.analysis.execution import provenance
 from cooploc.estimators import BUILTIN, make
+from cooploc.estimators.adapters import PerRobot
 from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.check_harness import CheckFailed, Harness, require_equal
 from cooploc.scenarios.conformance import CHECKS, Report, Result, _check_here, check_estimator, declaration, run_check
@@ -55,6 +56,7 @@ GALLERY = [
     (broken.Asymmetric(), "covariance", "covariance is not symmetric in .*robot 0"),
     (broken.NegativeVariance(), "covariance", "covariance has a negative variance in .*robot 0"),
     (broken.IgnoresOdometry(), "silence", "away from where odometry leads, by .* m that are allowed, when nothing"),
+    (PerRobot(broken.StaysAtRandom), "silence", "away from where odometry leads"),
     (broken.ShrinksCovariance(), "silence", "robot 0's position variance shrank when nothing"),
     (broken.DeclaresTooMuch(), "declaration", "declares anchor_rssi, landmark, but that never changed"),
     (broken.MessagesWithoutBytes(), "declaration", "states messages and bytes of which each has no header"),
