@@ -274,6 +274,8 @@ class PerRobot(Adapter):
     def send(self, s: Objects, z: Senses) -> Array:
         sent = self._call_each(s, "send", lambda robot, _: robot.send() if hasattr(robot, "send") else ())
         remedy = "it must be one axis of numbers, such as np.concatenate([x, P.ravel()])"
+        if any(packet is None for packet in sent):
+            raise ValueError(f"send() returned None; {remedy}, all nan where nothing is sent")
         try:
             packets = [np.array(packet, float) for packet in sent]
         except (ValueError, TypeError):

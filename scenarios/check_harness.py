@@ -192,6 +192,7 @@ ABSENT_READINGS = "treat nan as an absent reading: leave that row as it is in th
 COVARIANCES = "return (P + P.mT) / 2, and use an update that keeps P positive semidefinite, such as the Joseph form"
 CAUSES = {  # words of an error -> what to change
     "covariance": COVARIANCES,
+    "P is not finite": "treat nan as an absent reading; a method without covariances returns one of its own choice",
     "not finite": ABSENT_READINGS,
     "NaNs": ABSENT_READINGS,
     "KeyError": "world.sensors and z.extra hold the channels that `uses` names, and no others",

@@ -103,7 +103,8 @@ def trace(
             x[:, k], P[:, k] = belief.x.reshape(x[:, k].shape), belief.P.reshape(P[:, k].shape)
             messages += traffic.messages
             sent += traffic.bytes
-    _refuse(name, "estimate is not finite", stream, ~(np.isfinite(x).all(-1) & np.isfinite(P).all((-2, -1))))
+    _refuse(name, "estimate is not finite", stream, ~np.isfinite(x).all(-1))
+    _refuse(name, "P is not finite", stream, ~np.isfinite(P).all((-2, -1)))
     require_covariances(name, stream, P)
     about, seconds = traits(estimator), clock.seconds
     notes = {what: np.asarray(values, float).reshape(t, n) for what, values in about.notes(running.state).items()}

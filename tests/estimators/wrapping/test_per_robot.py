@@ -148,12 +148,14 @@ def test_ranges_that_tell_no_direction_are_absent_for_a_plain_class():
     ("wrong", "words"),
     [
         ({"send": lambda self: np.zeros(self.robot + 1)}, r"packets of \[1, 2, 3\] numbers; fill the shorter ones"),
+        ({"send": lambda self: None}, r"send\(\) returned None; it must be .*, all nan where nothing is sent"),
         ({"send": lambda self: np.zeros((2, 2))}, r"shape \(2, 2\); it must be one axis"),
         (
             {"estimate": lambda self: Belief(self.x[:1], self.P)},
             r"x of shape \(1,\) a robot, not \(2,\): a pose there is x, y$",
         ),
         ({"estimate": lambda self: Belief(self.x, self.P[0])}, r"P of shape \(2,\) a robot, not \(2, 2\)"),
+        ({"estimate": lambda self: Belief(self.x, np.nan * self.P)}, "P is not finite in 'robots-1-3/n=3"),
         ({"estimate": lambda self: self.x}, r"returned ndarray; it must be cl.Belief\(x, P\)"),
     ],
 )
