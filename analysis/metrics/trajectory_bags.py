@@ -157,24 +157,29 @@ def _collect_poses(bag: Bag, rows: dict[str, list[tuple[float, ...]]], kinds: Ma
 def _poses_of_frames(bags: Sequence[Bag]) -> dict[str, list[tuple[float, ...]]]:
     """Return the poses of robots in /tf, by names like those of topics: /red/tf of the frame red/base_link.
 
-    They are those of the frames in `BASES`, else of all moving frames in which no other one moves.
+    They are those of the frames in `BASES`, else of all moving frames in which no other one moves. Topics like /red/tf
+    have a tree of frames for each robot, whose names may be alike.
     """
-    links: dict[tuple[str, str], list[tuple[float, float, float, float]]] = {}
+    trees: dict[str, dict[tuple[str, str], list[tuple[float, ...]]]] = {}  # of each robot's topics, or of all
     for bag in bags:
         for topic, received, raw in bag.messages([t for t, kind in bag.types.items() if kind in FRAMES]):
+            links = trees.setdefault(topic.rpartition("/")[0], {})
             for one in bag.decode(raw, bag.types[topic]).transforms:
                 x, y, _, heading = KINDS["geometry_msgs/msg/TransformStamped"].rows(one)[0]
                 frames = one.child_frame_id.strip("/"), one.header.frame_id.strip("/")
                 links.setdefault(frames, []).append((1e-9 * (stamp_of(one) or received), x, y, heading))
-    parents = dict(sorted(links, key=lambda frames: len(links[frames])))  # of several parents, the most frequent one
-    bases = ([frame for frame in parents if base in frame] for base in BASES)
-    moving = [frame for frame, parent in parents.items() if len(links[frame, parent]) > 1]
-    leaves = [frame for frame in moving if frame not in map(parents.get, moving)]
     found = {}
-    for frame in next(filter(None, bases), leaves):
-        name = re.sub(rf"[/_]?({'|'.join(BASES)})[/_]?", "", frame) or frame
-        rows = _place_in_root([np.array(sorted(links[step])) for step in _steps_to_root(frame, parents)])
-        found[f"/{name}/tf"] = [(*row, *np.zeros(9)) for row in rows.tolist()]
+    for owner, links in trees.items():
+        parents = dict(sorted(links, key=lambda frames: len(links[frames])))  # of several, the most frequent one
+        bases = ([frame for frame in parents if re.search(rf"(^|[/_]){base}$", frame)] for base in BASES)
+        moving = [frame for frame, parent in parents.items() if len(links[frame, parent]) > 1]
+        leaves = [frame for frame in moving if frame not in map(parents.get, moving)]
+        frames_of_robots = next(filter(None, bases), leaves)
+        for frame in frames_of_robots:
+            name = re.sub(rf"(^|[/_])({'|'.join(BASES)})$", "", frame) or frame
+            rows = _place_in_root([np.array(sorted(links[step])) for step in _steps_to_root(frame, parents)])
+            own = owner if owner and len(frames_of_robots) == 1 else f"{owner}/{name}"
+            found[f"{own}/tf"] = [(*row, *np.zeros(9)) for row in rows.tolist()]
     return {name: rows for name, rows in found.items() if len(rows) > 1}
 
 

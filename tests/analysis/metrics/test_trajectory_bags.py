@@ -109,7 +109,7 @@ def test_of_a_path_the_last_message_counts_and_a_plan_is_no_path(truth, tmp_path
         }
 
 
-def transforms(frame, parent, stamps, path, topic="/tf"):
+def transforms(frame, parent, stamps, path, topic):
     """Messages of one frame in another, at poses (T, 3)."""
     found = []
     for s, (x, y, heading) in zip(START + stamps, path, strict=True):
@@ -127,19 +127,26 @@ def pose_in(frame, pose):
 
 
 @pytest.mark.parametrize(
-    ("base", "method"), [("{}/base_link", "mine"), ("/{}_base_link", "mine"), ("{}", "mine"), ("{}/base_link", "tf")]
+    ("base", "method", "place"),
+    [
+        ("{}/base_link", "mine", "/tf"),
+        ("/{}_base_link", "mine", "/tf"),
+        ("{}", "mine", "/tf"),
+        ("{}/base_link", "tf", "/tf"),
+        ("base_link", "mine", "/{}/tf"),
+    ],
 )
-def test_robots_are_where_the_frames_of_their_bases_are_in_the_root_of_tf(truth, tmp_path, base, method):
+def test_robots_are_where_the_frames_of_their_bases_are_in_the_root_of_tf(truth, tmp_path, base, method, place):
     """A map, odometry that drifts in it, its corrections once a second, and a base with a laser."""
     t, paths = paths_of_all()
     messages, every = [], np.arange(0, len(t), 10)
     for robot, path in paths["mine"].items():
         drift = np.column_stack([0.02 * t, 1 + 0.01 * t, -0.01 * t])  # [m, m, rad]
-        own = base.format(robot)
+        own, topic, odom = base.format(robot), place.format(robot), "odom" if "{}" in place else f"{robot}/odom"
         messages += [
-            transforms(own, f"{robot}/odom", t, pose_in(drift, path)),
-            transforms(f"{robot}/odom", "map", t[every], drift[every]),
-            transforms(f"{own}/laser", own, t[:1], [[0.5, 0.0, 0.0]], "/tf_static"),
+            transforms(own, odom, t, pose_in(drift, path), topic),
+            transforms(odom, "map", t[every], drift[every], topic),
+            transforms(f"{own}/laser", own, t[:1], [[0.5, 0.0, 0.0]], f"{topic}_static"),
         ]
     if method == "tf":
         messages += [poses(f"/{robot}/odom", ODOMETRY, path) for robot, path in paths["theirs"].items()]
