@@ -11,7 +11,7 @@ ModelStates.
 
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -21,7 +21,8 @@ import numpy as np
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array
 from cooploc.scenarios.recordings import bag_storage
-from cooploc.scenarios.recordings.bag_storage import KINDS, Bag, is_bag, stamp_of
+from cooploc.scenarios.recordings.bag_storage import KINDS, Bag, Message, is_bag, stamp_of
+from cooploc.scenarios.recordings.bags import prefix_of
 from cooploc.scenarios.recordings.inspect.bag_draft import topics_by_robot
 from cooploc.scenarios.recordings.inspect.naming import match_names, side_of, words_of
 from cooploc.scenarios.recordings.sampling import interpolate
@@ -58,6 +59,8 @@ def read_poses(place: Path, robots: Sequence[str], method: str) -> tuple[dict[st
         try:
             for path in paths:
                 bags += _open_or_recover(path, stack, notes)
+            if len(bags) == len(paths) > 1 and bag_storage.overlap_in_time(paths):
+                bags = _name_after_robots(paths, bags, robots)
             there = {t: kind for bag in bags for t, kind in bag.types.items() if bag.counts.get(t, 1)}
             poses = {t: kind for t, kind in there.items() if kind in POSES}
             paths_of = {t: PATH for t, kind in there.items() if kind == PATH and not PLANS & {*words_of(t)}}
@@ -99,6 +102,35 @@ def _open_or_recover(path: Path, stack: ExitStack, notes: list[str]) -> list[Bag
     notes += [warning for _, warning in recovered]
     counts = (Counter(topic for topic, *_ in bag.messages(bag.types)) for bag, _ in recovered)
     return [bag._replace(counts=dict.fromkeys(bag.types, 0) | n) for (bag, _), n in zip(recovered, counts, strict=True)]
+
+
+def _name_after_robots(paths: Sequence[Path], bags: Sequence[Bag], robots: Sequence[str]) -> list[Bag]:
+    """Return bags that robots recorded at the same time, with topics that several have named after the bags.
+
+    /odom in red.bag and in blue.bag is /red/odom and /blue/odom. Topics that name robots, and several true ones, which
+    each robot then has of all, keep their names, and are those of the bag with most of their messages.
+    """
+    count = Counter(t for bag in bags for t, kind in bag.types.items() if kind in (*POSES, PATH, *FRAMES))
+    shared = {topic for topic, n in count.items() if n > 1}
+    same = {topic for topic in shared if {*robots} & {*topic.split("/")}}
+    if not robots and len(true := {topic for topic in shared if side_of(topic) == TRUTH}) > 1:
+        same = true
+
+    def renamed(bag: Bag, prefix: str) -> Bag:
+        names = {t: prefix + t if t in shared - same else t for t in bag.types}
+        for topic in same & names.keys():
+            if bag is not max(bags, key=lambda one: one.counts.get(topic, 0)):
+                del names[topic]
+        own = {name: t for t, name in names.items()}
+        types = {name: bag.types[t] for t, name in names.items()}
+        counts = {name: bag.counts.get(t, 1) for t, name in names.items()}
+
+        def messages(topics: Collection[str]) -> Iterator[Message]:
+            return ((names[t], at, raw) for t, at, raw in bag.messages([own[name] for name in topics if name in own]))
+
+        return Bag(types, counts, messages, bag.decode)
+
+    return [renamed(bag, prefix_of(path)) for path, bag in zip(paths, bags, strict=True)]
 
 
 def _topics_of_robots(place: Path, kinds: Mapping[str, str], robots: Sequence[str], method: str) -> dict[str, str]:

@@ -70,7 +70,7 @@ def keep_what_is_read() -> Iterator[None]:
 def read_content(path: Path, wanted: Wanted | None) -> Content:
     """Read all messages of the topics in `wanted`; or of all topics (None) only when they were received."""
     bags = bag_storage.bag_paths(path)
-    together = {bag: _prefix(bag) for bag in bags} if bag_storage.overlap_in_time(bags) else {}
+    together = {bag: prefix_of(bag) for bag in bags} if bag_storage.overlap_in_time(bags) else {}
     if wanted is not None:
         wanted = {name.removeprefix(own): of for own in (*together.values(), "") for name, of in wanted.items()}
     contents, warnings = list[dict[str, Topic]](), list[str]()
@@ -82,7 +82,7 @@ def read_content(path: Path, wanted: Wanted | None) -> Content:
     return _merge(path, contents), list(dict.fromkeys(warnings))
 
 
-def _prefix(bag: Path) -> str:
+def prefix_of(bag: Path) -> str:
     """Return the name of a bag without its ending, as the first part of a topic's name."""
     return "/" + re.sub(r"[^\w.-]+", "_", bag.stem if bag.is_file() else bag.name)
 

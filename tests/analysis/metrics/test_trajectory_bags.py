@@ -176,6 +176,21 @@ def test_models_of_gazebo_are_the_truth_and_odometry_is_so_with_a_note(tmp_path)
     assert any(note.endswith("odometry: topics such as /red/odom are taken for the truth") for note in notes)
 
 
+@pytest.mark.parametrize("own", ["odometry", "frames", "each with the truth of all"])
+def test_of_bags_that_each_robot_recorded_topics_of_one_name_are_of_their_robots(truth, tmp_path, own):
+    t, paths = paths_of_all()
+    of_truth = [poses(f"/vrpn/{r}/pose", POSE, paths["truth"][r]) for r in ROBOTS] if own.startswith("each") else []
+    for robot, path in paths["mine"].items():
+        mine = transforms("base_link", "map", t, path, "/tf") if own == "frames" else poses("/odom", ODOMETRY, path)
+        (tmp_path / "mine").mkdir(exist_ok=True)
+        write(tmp_path / "mine" / robot, mine, *of_truth)
+    assert rmse_of(judge_trajectories(truth, {"mine": tmp_path / "mine"})[0]) == expected_of()
+    if not of_truth:
+        return
+    found, _ = judge_trajectories(tmp_path / "mine", {"mine": tmp_path / "mine"})
+    assert rmse_of(found) == expected_of()
+
+
 def test_a_bag_without_poses_says_what_it_may_hold(truth, tmp_path):
     bag = write(tmp_path / "bag", [("/chatter", "std_msgs/msg/Float64", START, {"data": 1.0})])
     with pytest.raises(BadInput, match=r"nor a bag with poses, such as .*, a nav_msgs/Path or /tf$"):
