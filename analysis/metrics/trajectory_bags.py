@@ -204,7 +204,7 @@ def _poses_of_frames(bags: Sequence[Bag]) -> dict[str, list[tuple[float, ...]]]:
     for owner, links in trees.items():
         parents = dict(sorted(links, key=lambda frames: len(links[frames])))  # of several, the most frequent one
         bases = ([frame for frame in parents if re.search(rf"(^|[/_]){base}$", frame)] for base in BASES)
-        moving = [frame for frame, parent in parents.items() if len(links[frame, parent]) > 1]
+        moving = [frame for frame, parent in parents.items() if not _is_fixed(np.array(links[frame, parent]))]
         leaves = [frame for frame in moving if frame not in map(parents.get, moving)]
         frames_of_robots = next(filter(None, bases), leaves)
         for frame in frames_of_robots:
@@ -236,16 +236,22 @@ def _steps_to_root(frame: str, parents: Mapping[str, str]) -> list[tuple[str, st
     return steps
 
 
+def _is_fixed(step: Array) -> bool:
+    """Return whether transforms (k, 4) are one, as it is said once, or again and again."""
+    return bool((step[:, 1:] == step[0, 1:]).all())
+
+
 def _place_in_root(steps: Sequence[Array]) -> Array:
     """Return stamps and poses (m, 4) in the root, of the transforms (k, 4) of each step from a frame up to it.
 
-    The stamps are those of the step with the most, where all others are known; a step with one transform is fixed.
+    The stamps are those of the step with the most, where all others are known.
     """
     stamps = np.unique(max(steps, key=len)[:, 0])
     pose = np.zeros((len(stamps), 3))
     for step in steps:
         values = np.column_stack([step[:, 1:3], np.unwrap(step[:, 3])])
-        at = interpolate(step[:, 0], values, stamps, np.inf) if len(step) > 1 else np.tile(values, (len(stamps), 1))
+        fixed = np.tile(values[0], (len(stamps), 1))
+        at = fixed if _is_fixed(step) else interpolate(step[:, 0], values, stamps, np.inf)
         c, s = np.cos(at[:, 2]), np.sin(at[:, 2])
         x, y = at[:, 0] + c * pose[:, 0] - s * pose[:, 1], at[:, 1] + s * pose[:, 0] + c * pose[:, 1]
         pose = np.column_stack([x, y, pose[:, 2] + at[:, 2]])

@@ -147,6 +147,7 @@ def test_robots_are_where_the_frames_of_their_bases_are_in_the_root_of_tf(truth,
             transforms(own, odom, t, pose_in(drift, path), topic),
             transforms(odom, "map", t[every], drift[every], topic),
             transforms(f"{own}/laser", own, t[:1], [[0.5, 0.0, 0.0]], f"{topic}_static"),
+            transforms("map", "world", t[:1], [[0.0, 0.0, 0.0]], f"{topic}_static"),
         ]
     if method == "tf":
         messages += [poses(f"/{robot}/odom", ODOMETRY, path) for robot, path in paths["theirs"].items()]
@@ -189,6 +190,15 @@ def test_of_bags_that_each_robot_recorded_topics_of_one_name_are_of_their_robots
         return
     found, _ = judge_trajectories(tmp_path / "mine", {"mine": tmp_path / "mine"})
     assert rmse_of(found) == expected_of()
+
+
+def test_bags_that_follow_one_another_are_parts_of_one_recording(truth, tmp_path):
+    _, paths = paths_of_all()
+    every = [poses(f"/{robot}/mine", ODOMETRY, path) for robot, path in paths["mine"].items()]
+    (tmp_path / "mine").mkdir()
+    for k, part in enumerate((slice(0, 300), slice(300, None))):
+        write(tmp_path / f"mine/part_{k}", *(one[part] for one in every))
+    assert rmse_of(judge_trajectories(truth, {"mine": tmp_path / "mine"})[0]) == expected_of()
 
 
 def test_a_bag_without_poses_says_what_it_may_hold(truth, tmp_path):
