@@ -36,7 +36,7 @@ POSES = (
 )
 PATH, STATES = "nav_msgs/msg/Path", "gazebo_msgs/msg/ModelStates"
 FRAMES = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
-PLANS = {"plan", "planned", "goal", "global", "local", "reference", "desired"}  # words of paths that are to be driven
+PLANS = {"plan", "planned", "goal", "reference", "desired"}  # words of paths that are to be driven
 STILL = 0.05  # [m] a model that extends less is furniture
 BASES = "base_footprint", "base_link", "base"  # frames of robots
 
@@ -80,7 +80,7 @@ def read_poses(place: Path, robots: Sequence[str], method: str) -> tuple[dict[st
             raise
         except Exception as e:  # rosbags raises whatever its parsers raise on damaged files
             raise BadInput(f"{path}: cannot be read as a bag ({_reason(e)}); repair it") from None
-    if lost := [topic for topic in chosen.values() if topic not in rows]:
+    if lost := [topic for topic in chosen.values() if not rows.get(topic)]:
         raise BadInput(f"{place}: topic {lost[0]} has no message that can be read: get the bag again")
     if method == TRUTH:
         odometry = [topic for topic in chosen.values() if side_of(topic) == "odometry"]
@@ -181,9 +181,10 @@ def _collect_poses(bag: Bag, rows: dict[str, list[tuple[float, ...]]], kinds: Ma
         stamp = 1e-9 * (stamp_of(message) or received)
         rows.setdefault(topic, []).append((stamp, x, y, heading, *C.ravel()))
     for topic, raw in whole.items():
+        rows[topic] = []  # of several bags the last one's
         for one in bag.decode(raw, PATH).poses:
             x, y, _, heading = KINDS["geometry_msgs/msg/PoseStamped"].rows(one)[0]
-            rows.setdefault(topic, []).append((1e-9 * (stamp_of(one) or 0), x, y, heading, *np.zeros(9)))
+            rows[topic].append((1e-9 * (stamp_of(one) or 0), x, y, heading, *np.zeros(9)))
 
 
 def _poses_of_frames(bags: Sequence[Bag]) -> dict[str, list[tuple[float, ...]]]:

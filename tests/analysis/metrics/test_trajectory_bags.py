@@ -87,20 +87,19 @@ def test_robots_may_be_called_a_little_otherwise_in_a_bag(tmp_path):
     assert found["rmse"].tolist() == [*expected_of().values()]
 
 
+def path_message(topic, end, count, path):
+    """A message at `end` [s] with the first poses (T, 3) of a path."""
+    stamped = zip(START + paths_of_all()[0][:count], path, strict=False)
+    places = [pose_at(x, y, 0.0, h, "pose.") | {"header.stamp.ns": round(1e9 * s)} for s, (x, y, h) in stamped]
+    return topic, PATH, START + end, {"poses": places}
+
+
 def test_of_a_path_the_last_message_counts_and_a_plan_is_no_path(truth, tmp_path):
     t, paths = paths_of_all()
-
-    def message(topic, end, count, path):
-        stamped = zip(t[:count], path, strict=False)
-        places = [
-            pose_at(x, y, 0.0, h, "pose.") | {"header.stamp.ns": round(1e9 * (START + s))} for s, (x, y, h) in stamped
-        ]
-        return topic, PATH, START + end, {"poses": places}
-
     of_all = paths["mine"].items()
-    early = [message(f"/{robot}/path", 5.0, 50, path + 9) for robot, path in of_all]  # before its loop was closed
-    late = [message(f"/{robot}/path", 60.0, len(t), path) for robot, path in of_all]
-    plans = [message(f"/{robot}/global_plan", 1.0, 50, 0 * path) for robot, path in of_all]
+    early = [path_message(f"/{robot}/path", 5.0, 50, path + 9) for robot, path in of_all]  # before its loop was closed
+    late = [path_message(f"/{robot}/path", 60.0, len(t), path) for robot, path in of_all]
+    plans = [path_message(f"/{robot}/global_plan", 1.0, 50, 0 * path) for robot, path in of_all]
     odometry = [poses(f"/{robot}/odom", ODOMETRY, path) for robot, path in paths["theirs"].items()]
     for method, beside in (("mine", ()), ("path", odometry)):
         bag = write(tmp_path / method, early, late, plans, *beside)
@@ -199,6 +198,11 @@ def test_bags_that_follow_one_another_are_parts_of_one_recording(truth, tmp_path
     for k, part in enumerate((slice(0, 300), slice(300, None))):
         write(tmp_path / f"mine/part_{k}", *(one[part] for one in every))
     assert rmse_of(judge_trajectories(truth, {"mine": tmp_path / "mine"})[0]) == expected_of()
+    (tmp_path / "paths").mkdir()
+    for k, (end, moved) in enumerate(((300, 9.0), (600, 0.0))):
+        some = [(f"/{r}/path", end / 10, end, path + moved) for r, path in paths["mine"].items()]
+        write(tmp_path / f"paths/part_{k}", [path_message(*one) for one in some])
+    assert rmse_of(judge_trajectories(truth, {"mine": tmp_path / "paths"})[0]) == expected_of()
 
 
 def test_a_bag_without_poses_says_what_it_may_hold(truth, tmp_path):
