@@ -125,10 +125,12 @@ def check_estimator(
         A report: `passed`, `table()`, and a `Result` for each check, `report["causality"]`.
 
     Raises:
-        BadInput: an unknown name, a class that needs arguments, or a seed that is not a whole number of 0 or more. What
-            the estimator raises while it runs is a failure in the report.
+        BadInput: an unknown name, a class that needs arguments, a seed that is not a whole number of 0 or more, or a
+            time limit of nothing. What the estimator raises while it runs is a failure in the report.
     """
     name = name or label_of(estimator)
+    if not time_limit > 0:
+        raise BadInput(f"time_limit is {time_limit:g}; it must be above 0 s")
     if not isolate or is_builtin(estimator):
         return _check_here(estimator, name, seed)
     run_limit = RUN_SHARE * time_limit

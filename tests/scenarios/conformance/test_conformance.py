@@ -222,6 +222,11 @@ def test_checks_of_a_slow_estimator_for_which_no_time_is_left_are_skipped_and_co
     assert re.fullmatch(rf"{done} of 12 checks; {12 - done} skipped: {said}", found)
 
 
+def test_checks_need_some_time():
+    with pytest.raises(BadInput, match="time_limit is 0; it must be above 0 s"):
+        check_estimator("dead-reckoning", time_limit=0)
+
+
 class ForDisplacements(broken.DeadReckoning):
     def init(self, prior, world, rows):
         if world.landmarks.size:
