@@ -20,6 +20,7 @@ from cooploc.scenarios.stream import Stream
 
 TRIALS = 3
 RUN_SHARE = 0.1  # of the time limit, for each run
+TIME_OVER = "of all checks were over"  # words of a check that was skipped for that
 _RADIO: dict[str, Any] = {"ticks": 12, "drop": 0.3}
 _CAMERA: dict[str, Any] = {**_RADIO, "sight": 8.0, "view": 1.5}  # wide view: even a short stream has sightings
 # One robot and one trial are a single row: the shape on which mistakes in broadcasting show.
@@ -121,7 +122,7 @@ class Harness:
             return result
 
         if self.runs >= len(SCENARIOS) and time.monotonic() > self.began + self.time_limit:
-            slow = f"after {self.runs} runs the {self.time_limit:g} s of all checks were over"
+            slow = f"after {self.runs} runs the {self.time_limit:g} s {TIME_OVER}"
             raise CheckSkipped(f"{slow} (cooploc check --time-limit gives more)")
         self.runs += 1
         varied = f" ({when})" if when else ""

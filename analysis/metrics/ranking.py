@@ -17,6 +17,7 @@ from cooploc.analysis.metrics.errors import TRAINED
 from cooploc.analysis.metrics.statistics import FIXED, Stopping
 from cooploc.estimators.interface import Array
 from cooploc.estimators.label_syntax import shorten_labels
+from cooploc.scenarios.check_harness import TIME_OVER
 
 ALPHA = 1 - statistics.LEVEL
 
@@ -24,6 +25,13 @@ ALPHA = 1 - statistics.LEVEL
 def is_refused(line: str) -> bool:
     """Return whether a certificate's line excludes an estimator from the ranking."""
     return line.startswith("failed")
+
+
+def missing_checks(line: str) -> str:
+    """Return what a certificate's line lacks: "was not checked", or in full; empty where all checks were made."""
+    if line.startswith("unchecked"):
+        return "was not checked"
+    return "was not checked in full, as time was over" if TIME_OVER in line else ""
 
 
 def short_certificate(line: str) -> str:

@@ -17,7 +17,7 @@ from cooploc.analysis.claims.trial_table import Missing, TrialTable
 from cooploc.analysis.formats import change, count_of, interval, join_words, metres, percent, ratio
 from cooploc.analysis.metrics.compare import sweep
 from cooploc.analysis.metrics.consistency import OVER_CONFIDENT
-from cooploc.analysis.metrics.ranking import disqualifications
+from cooploc.analysis.metrics.ranking import disqualifications, missing_checks
 from cooploc.analysis.metrics.statistics import FIXED, LEAST_TRIALS, MARGIN, Interval, Stopping
 
 NAMED = 3  # names in a sentence; of more the first ones, and how many others there are
@@ -39,7 +39,7 @@ class Standing(NamedTuple):
     tied: tuple[str, ...] = ()  # others that do not differ from the best significantly
     next: str = ""  # the next smallest RMSE of those that qualify
     lead: Interval = UNKNOWN  # change of RMSE from the next to the best
-    unchecked: bool = False  # whether the best one lacks a certificate
+    unchecked: str = ""  # what the certificate of the best one lacks
 
     @property
     def word(self) -> str:
@@ -99,7 +99,7 @@ def _find_standing(scenario: str, part: pd.DataFrame, results: TrialTable) -> St
         tied=tuple(found["tied"]),
         next=others[0]["estimator"] if others else "",
         lead=lead,
-        unchecked=best["certificate"].startswith("unchecked"),
+        unchecked=missing_checks(best["certificate"]),
     )
 
 
@@ -117,7 +117,7 @@ def summary_sentence(one: Standing) -> str:
     if not one.best:
         return f"No estimator qualifies: {capped_list(one.barred) or 'there is nothing to compare'}."
     barred = f" As accurate or more, but does not qualify: {capped_list(one.barred)}." if one.barred else ""
-    barred += f" {one.best} was not checked." * one.unchecked
+    barred += f" {one.best} {one.unchecked}." * bool(one.unchecked)
     rmse = f"{metres(one.rmse.value)} m ({interval(metres)(one.rmse.low, one.rmse.high)})"
     rmse += f", ANEES {ratio(one.anees.value)} ({interval(ratio)(one.anees.low, one.anees.high)})"
     rmse += ", which leaves open whether it is over-confident" if one.anees.value > OVER_CONFIDENT else ""

@@ -10,6 +10,7 @@ import honest
 import pytest
 
 from cooploc.analysis.execution import provenance
+from cooploc.analysis.metrics.ranking import missing_checks
 from cooploc.estimators import BUILTIN, make
 from cooploc.estimators.adapters import PerRobot
 from cooploc.estimators.errors import BadInput
@@ -220,6 +221,7 @@ def test_checks_of_a_slow_estimator_for_which_no_time_is_left_are_skipped_and_co
     found = provenance.certify("slow")["found"]
     said = r"after \d+ runs the 600 s of all checks were over [(]cooploc check --time-limit gives more[)]"
     assert re.fullmatch(rf"{done} of 12 checks; {12 - done} skipped: {said}", found)
+    assert missing_checks(f"passed: {found}") == "was not checked in full, as time was over"
 
 
 def test_checks_need_some_time():
