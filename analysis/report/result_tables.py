@@ -133,6 +133,13 @@ def _without_standing(estimator: str, certificate: str, *rest: Any) -> str:
     return remark(estimator, certificate, "", *rest).removeprefix(setting_kind(estimator)).removeprefix(", ")
 
 
+WIDEST_HEAD = 18  # characters; a wider one would leave too few for the names of estimators
+
+
+def _name_baseline(estimator: str, baseline: str, *rest: float) -> str:
+    return "baseline" if estimator == baseline else _write_change(estimator, baseline, *rest)
+
+
 def _join_interval(head: str, value: TableColumn, ends: TableColumn, **layout: Any) -> TableColumn:
     """Return one column of a value and its interval, as in "0.332 [0.254, 0.432]"; per cent are said in the head."""
     of = value.of or value.keys
@@ -149,6 +156,7 @@ def essential_columns(baselines: Iterable[str], until_decided: bool) -> tuple[Ta
     """Return what a terminal shows by default, in 80 characters: estimator, consistency, error, its change, bytes."""
     named = {column.keys[0]: column for column in result_columns(baselines, until_decided)}
     remarks, versus = named["consistency"], named["change"]
+    head = versus.head if len(versus.head) <= WIDEST_HEAD else "vs baseline"
     others = tuple(key for key in remarks.of if key != "consistency")
     return (
         named["estimator"],
@@ -157,7 +165,7 @@ def essential_columns(baselines: Iterable[str], until_decided: bool) -> tuple[Ta
         *([replace(DECIDED, second_line=True)] if until_decided else ()),
         text_column("consistency"),
         _join_interval("RMSE [m]", named["rmse"], named["rmse_low"]),
-        _join_interval(f"{versus.head} [%]", versus, named["change_low"]),
+        _join_interval(f"{head} [%]", replace(versus, form=_name_baseline), named["change_low"]),
         named["bytes"],
     )
 

@@ -86,9 +86,15 @@ def test_the_worlds_of_the_guide_run(tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
-def test_the_filter_of_the_guide_keeps_the_rules_and_takes_its_parameter(tmp_path, monkeypatch):
+def test_the_filters_of_the_guide_keep_the_rules_and_do_what_the_page_says(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    Path("mine.py").write_text(blocks(ROOT / "docs/how-to/estimator.md")[0])
+    for name, text in zip(("mine", "joint"), blocks(ROOT / "docs/how-to/estimator.md"), strict=True):
+        Path(f"{name}.py").write_text(text)
+    assert cl.check_estimator("joint.py:Joint").passed
+    truth, stream = cl.simulate("robots-1-3/n=3", trials=5, ticks=50)
+    errors = cl.errors(truth, cl.run(["joint.py:Joint", "ekf-joint[anchor_reading=rssi]"], stream))
+    ours, error = errors.groupby("estimator", sort=False)["rmse"].mean()
+    assert error == pytest.approx(ours, rel=0.1)  # which takes all readings of a tick at once
     report = cl.check_estimator("mine.py:Mine")
     assert report.ran == 12
     assert report.passed
