@@ -32,7 +32,8 @@ def adapt(name: str, plain: Any) -> PerRobot | PerTeam:
     try:
         return adapter(plain)
     except TypeError as e:
-        raise BadInput(f"{name} cannot be wrapped by cl.{adapter.__name__}: {e}") from None
+        team = "; one that holds the whole team has exchange(z, radio), too" if "keys" in str(e) else ""
+        raise BadInput(f"{name} cannot be wrapped by cl.{adapter.__name__}: {e}{team}") from None
 
 
 # What a parameter without an annotation is converted to, by the type of its default; else to the first that fits a word

@@ -198,6 +198,7 @@ CAUSES = {  # words of an error -> what to change
     "NaNs": ABSENT_READINGS,
     "KeyError": "world.sensors and z.extra hold the channels that `uses` names, and no others",
     "read-only": "inputs are read-only: copy an array before you write to it",
+    "a trial, not": "return one entry for each robot: x (n, d), P (n, d, d)",
     "a pose there is x, y, heading": "return these of your state; a filter without a heading refuses the world: "
     "raise cl.BadInput('it has no heading') where prior.x.shape[-1] is 3",
     "a pose there is x, y": "return these of a longer state: x[:2], P[:2, :2]",

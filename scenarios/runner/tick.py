@@ -219,12 +219,12 @@ class _Loop:
             raise EstimatorError(f"{self.name}: {where} returned {type(belief).__name__}: return Belief(x, P)")
         for what, array, own in (("x", belief.x, (d,)), ("P", belief.P, (d, d))):
             if (found := np.shape(array)) != (*lead, *own):
-                is_of_robots = found[: len(lead)] == lead  # a plain class knows of no others: its part is named
-                shown, meant = (s[len(lead) * is_of_robots :] for s in (found, (*lead, *own)))
+                # A plain class knows one robot, or one trial's team: its part is named
+                known = len(lead) if found[: len(lead)] == lead else int(found[:1] == lead[:1] and len(lead) > 1)
+                shown, meant = (s[known:] for s in (found, (*lead, *own)))
                 held = "x, y, heading" if d == 3 else "x, y"
-                where = (
-                    f"{where} of {self.stream.scenario!r} returned {what} of shape {shown}{' a robot' * is_of_robots}"
-                )
+                where = f"{where} of {self.stream.scenario!r} returned {what} of shape {shown}"
+                where += "" if not known else " a robot" if known == len(lead) else " a trial"
                 raise EstimatorError(f"{self.name}: {where}, not {meant}: a pose there is {held}")
         return Belief(belief.x, belief.P)
 

@@ -8,6 +8,7 @@ import pytest
 import cooploc as cl
 from cooploc.estimators.adapters import Radio
 from cooploc.estimators.interface import Mail, Senses
+from cooploc.scenarios.runner.tick import EstimatorError
 from cooploc.scenarios.runner.trace import trace
 
 LOOP = f"{Path(__file__).resolve().parents[3]}/examples/filterpy_loop.py:loop"
@@ -89,6 +90,19 @@ def test_a_centralised_team_pays_for_what_its_robots_upload_as_the_joint_filter_
     np.testing.assert_array_equal(traces["team"].bytes, traces["joint"].bytes)
     assert traces["team"].centralised
     assert (traces["team"].notes["ticks"] == 30).all()
+
+
+def test_a_team_of_the_wrong_shape_or_without_an_exchange_is_told_what_it_lacks():
+    class Flat(Walkers):
+        def estimate(self):
+            return self.x.ravel(), self.P
+
+    stream = cl.simulate("robots-1-3/n=3", trials=2, ticks=2)[1]
+    with pytest.raises(EstimatorError, match=r"x of shape \(6,\) a trial, not \(3, 2\)"):
+        trace("flat", cl.PerTeam(Flat), stream)
+    methods = {name: vars(Walkers)[name] for name in ("uses", "__init__", "predict", "correct")}
+    with pytest.raises(cl.BadInput, match=r"holds the whole team has exchange\(z, radio\)"):
+        cl.run({"it": type("NoExchange", (), methods)}, stream)
 
 
 @pytest.fixture
