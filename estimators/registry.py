@@ -32,6 +32,10 @@ class Registry:
         """Return the built-in names, then those of installed plug-ins."""
         return [*self.builtin, *(name for name in sorted(self._plugins()) if name not in self.builtin)]
 
+    def has(self, name: str) -> bool:
+        """Return whether a name is built in or that of an installed plug-in, which takes longer to find out."""
+        return name in self.builtin or name in self._plugins()
+
     def find(self, name: str) -> Any:
         """Return the entry of a built-in name, or the object of a plug-in or a file; BadInput where there is none."""
         if name in self.builtin:

@@ -42,7 +42,7 @@ class TrialTable(NamedTuple):
         frame = self.frames.get(_canonical(key))
         if frame is None:
             here = [name for scenario, name in self.frames if scenario == canonical(key[0])]
-            near = f"; {nearest(key[1], here)}" if here and parse(key[1])[0] not in estimators.names() else ""
+            near = f"; {nearest(key[1], here)}" if here and not estimators.REGISTRY.has(parse(key[1])[0]) else ""
             raise Missing(f"no rows of {key[1]} in {key[0]}{near}")
         return frame
 
@@ -90,7 +90,7 @@ class TrialTable(NamedTuple):
             values = {s: sweep(s)[2] for s in known if sweep(s)[:2] == wanted}
             inside = sorted((s for s, v in values.items() if float(low) <= v <= float(high)), key=lambda s: values[s])
         if not inside:
-            is_known = split_family(parse(label)[0])[0] in scenarios.names()
+            is_known = scenarios.REGISTRY.has(split_family(parse(label)[0])[0])
             near = "" if found or is_known else f"; {nearest(label, known)}"
             raise Missing(f"no rows of {'any ' if found else ''}scenario {label}{near}")
         return inside

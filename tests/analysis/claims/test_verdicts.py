@@ -15,7 +15,7 @@ from cooploc.analysis.claims.kinds import FALLS, decide, decide_all
 from cooploc.analysis.claims.ledger import load, read, variants
 from cooploc.analysis.claims.verdicts import DECIDED, adjust, judge, overview, verdict_sentence
 from cooploc.analysis.metrics.statistics import FIXED, holm
-from cooploc.estimators import make
+from cooploc.estimators import make, registry
 from cooploc.scenarios import resolve
 
 TRIALS, ROBOTS = 40, 2
@@ -234,6 +234,14 @@ def test_a_claim_that_was_not_run_names_what_is_missing(claim, missing):
     assert found["verdict"] == "not run"
     assert missing in found["remark"]
     assert ("did you mean" in found["remark"]) == ("did you mean" in missing)
+
+
+def test_what_was_not_run_is_said_of_built_in_names_without_a_look_at_installed_plug_ins(monkeypatch):
+    """A paper's ledger has thousands of cases, over all of its readings, and every look takes milliseconds."""
+    monkeypatch.setattr(registry, "entry_points", None)
+    found = judge(load(), errors({"robots-1-3/n=3": {"arl": 0.5}, "packet-drop/drop=0.7": {"arl": 0.5}}))
+    assert set(found["verdict"]) == {"not run"}
+    assert found["remark"].str.match("no rows of [^ ]+ in ").any()
 
 
 def test_over_confidence_failures_and_centralised_estimators_are_remarked():
