@@ -92,7 +92,7 @@ class Inspection:
                 run_directory.replace_file(target, lambda temporary: temporary.write_text(text, encoding="utf-8"))
                 written.append(target)
             self.sketch(home / SKETCH)
-            page = inspection_page(self.inspected)
+            page = inspection_page(self.inspected, (home / SKETCH).read_bytes())
             run_directory.replace_file(home / SANITY, lambda temporary: temporary.write_text(page, encoding="utf-8"))
         except OSError as e:
             raise BadInput(

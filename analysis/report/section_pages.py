@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from cooploc.analysis.formats import count_of, join_words, metres
 from cooploc.analysis.plot import anees, error_over_time, rmse, trajectories
-from cooploc.analysis.plot.worlds import finding, recording
+from cooploc.analysis.plot.worlds import finding
 from cooploc.analysis.report import html_page
 from cooploc.analysis.report.result_tables import result_columns
 from cooploc.analysis.report.tables import Table, frame
@@ -37,8 +37,11 @@ class Section(NamedTuple):
     tables: Sequence[Table] = ()
 
 
-def inspection_page(found: Inspected) -> str:
-    """Return the page of an inspection, with a figure for each finding; what comes from the files is escaped."""
+def inspection_page(found: Inspected, sketch: bytes) -> str:
+    """Return the page of an inspection, with a figure for each finding; what comes from the files is escaped.
+
+    `sketch` is a PNG of the whole recording.
+    """
     sections = []
     for number, one in enumerate(found.findings, 1):
         figure = finding(one, found.log, found.corrected)
@@ -55,8 +58,8 @@ def inspection_page(found: Inspected) -> str:
     )
     caption = caption if any(found.log.truth) else "Tracks: odometry alone, every robot from 0, 0"
     caption += ". Who measured whom, how often. What was recorded when; gaps are white."
-    sketch = "tracks, who measured whom, and what was recorded when", _png(recording(found.corrected, ""))
-    sections.append(Section("The whole recording", pictures=[sketch], caption=caption))
+    whole = "tracks, who measured whom, and what was recorded when", base64.b64encode(sketch).decode()
+    sections.append(Section("The whole recording", pictures=[whole], caption=caption))
     series = pd.DataFrame([row[:8] for row in found.rows], columns=list(HEADS))
     sections.append(Section("Series", tables=[frame("series", series)]))
     sections.append(Section("Does it run?", (*found.trial.lines, *[problem] * bool(problem))))

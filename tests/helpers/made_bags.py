@@ -76,10 +76,14 @@ def made_message(store, name, ns, values):
     if name == "builtin_interfaces/msg/Time":
         ns = values.get("ns", ns)
         return store.types[name](sec=ns // 10**9, nanosec=ns % 10**9)
+    parts = {}
+    for key, one in values.items():
+        field, _, rest = key.partition(".")
+        parts.setdefault(field, {})[rest] = one
     fields = {}
     for field, (node, kind) in store.fielddefs[name][1]:
-        inside = {key.removeprefix(f"{field}."): one for key, one in values.items() if key.startswith(f"{field}.")}
-        fields[field] = value_of(node, kind, values.get(field), inside)
+        inside = parts.get(field, {})
+        fields[field] = value_of(node, kind, inside.get(""), inside)
     return store.types[name](**fields)
 
 

@@ -112,11 +112,11 @@ def _kinds_of_lines(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[
         sizes: dict[str, list[int]] = {}
         for row in rows:
             sizes.setdefault(row[k] if len(row) > k else "", []).append(len(row))
-        of_words = all(word and np.isinf(parse_field(word)) for word in sizes)
         again = 1 < len(sizes) <= min(20, len(rows) / 2)  # sentences begin with another word each
+        if not again or not all(word and np.isinf(parse_field(word)) for word in sizes):
+            continue
         meant = {naming.side_of(word) or naming.name_meaning(word)[0] for word in sizes} - {""}
-        differ = len({*map(statistics.mode, sizes.values())}) > 1 or (head[0] == "1" and len(meant) > 1)
-        if of_words and again and differ:
+        if len({*map(statistics.mode, sizes.values())}) > 1 or (head[0] == "1" and len(meant) > 1):
             return [*sizes]
     return []
 

@@ -91,8 +91,8 @@ def require_run_of_draft(folder, out, change, monkeypatch):
     assert found.inspected.trial.problem == ""
     assert found.inspected.trial.lines
     if change != "whole":  # what is drawn is looked at once for each recording
-        monkeypatch.setattr(cooploc.inspection, "inspection_page", lambda found: "")
-        monkeypatch.setattr(cooploc.inspection.Inspection, "sketch", lambda *arguments: None)
+        monkeypatch.setattr(cooploc.inspection, "inspection_page", lambda found, sketch: "")
+        monkeypatch.setattr(cooploc.inspection.Inspection, "sketch", lambda self, path: path.write_bytes(b""))
     found.write(out)
     errors = []
     runs = sum(": 1 robot" in line or " robots, " in line for line in found.inspected.trial.lines)
