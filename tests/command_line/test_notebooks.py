@@ -11,6 +11,10 @@ import pytest
 
 # What is kept in the notebooks comes from their own settings; here they run on fewer trials and shorter recordings.
 SMALL = {
+    "01_first_comparison": [
+        ('"robots-1-3/n=3", trials=20', '"robots-1-3/n=3", trials=5'),
+        ('"nlos", trials=20', '"nlos", trials=5'),
+    ],
     "02_the_paper": [("trials=10", "trials=3")],
     "04_real_robots": [
         ("duration=60.0", "duration=10.0"),
