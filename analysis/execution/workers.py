@@ -9,13 +9,15 @@ failure like any other.
 import asyncio
 import logging
 import multiprocessing
+import pickle
 import re
 import threading
+import time
 import traceback
 from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Future, wait
-from contextlib import contextmanager
+from contextlib import chdir, contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
 from importlib import import_module
@@ -26,7 +28,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from cooploc.analysis.execution.provenance import bits
+from cooploc.analysis.execution.provenance import bits, plugins
 from cooploc.analysis.execution.run_directory import PartKey
 from cooploc.analysis.metrics.errors import COLUMNS, errors
 from cooploc.estimators import configure, make
@@ -299,9 +301,11 @@ def _local_processes(jobs: int) -> Processes:
 
 PATIENCE = 5  # [s] for the scheduler to answer
 LOOK = 2.0  # [s] between looks at a cluster that gives no results
+SEEN, GONE = 10.0, 60.0  # [s] between looks whether it has workers; without any, until it is given up
 REMEDY = {
     "versions": "install the same there",
     "source": "install the same there",
+    "plug-ins": "share their folder, or install the same there",
     "instructions": "use workers of one kind of processor, with the same flags",
 }
 _one_at_a_time = threading.Lock()
@@ -313,6 +317,7 @@ def _dask_processes(client: Any, address: str) -> Processes:
 
     kept = "what was finished is kept: start it, and the same command goes on"
     lost = BadInput(f"the Dask scheduler at {address} is gone; {kept}")
+    seen = time.monotonic()  # when it last had workers
 
     def result(future: Future[Any]) -> list[MeasuredPart]:
         try:
@@ -324,22 +329,49 @@ def _dask_processes(client: Any, address: str) -> Processes:
             raise BadInput(f"a worker of {address} cannot run cooploc ({one_line(e)}): install it there") from e
 
     def require_alive() -> None:
+        nonlocal seen
         if client.status != "running":
             raise lost
+        if (now := time.monotonic()) - seen > SEEN:
+            try:
+                seen = now if client.nthreads() else seen
+            except OSError:
+                raise lost from None
+            if now - seen > GONE:
+                why = "their logs say why; one that has no cooploc ends as soon as it is sent a task"
+                raise BadInput(f"the Dask scheduler at {address} has lost all workers ({why}); {kept}")
 
-    send = partial(client.get_executor(pure=False).submit, _measure_on_dask, bits())
+    def send(task: Task) -> Future[Any]:
+        wanted = {**bits(), "plug-ins": _plugins_of(task)}
+        sent: Future[Any] = submit_there(_measure_on_dask, wanted, Path.cwd(), pickle.dumps(task))
+        return sent
+
+    submit_there = client.get_executor(pure=False).submit
     window = 2 * max(1, sum(client.nthreads().values()))
     return Processes(send, result, KilledWorker, window, lambda: None, require_alive)
 
 
-def _measure_on_dask(wanted: dict[str, Any], task: Task) -> list[MeasuredPart]:
-    """Measure a task, where it gives the bits that are wanted; one thread of a worker at a time is timed alone."""
+def _plugins_of(task: Task) -> dict[str, str]:
+    return plugins(task.estimators, [task.scenario])[0]
+
+
+def _measure_on_dask(wanted: dict[str, Any], folder: Path, sent: bytes) -> list[MeasuredPart]:
+    """Measure a pickled task in the folder of the machine that asks, where it gives the bits that are wanted.
+
+    One thread of a worker at a time is timed alone.
+    """
     from distributed import get_worker
 
-    with _one_at_a_time:
-        for key, mine in bits().items():
+    worker = get_worker().address
+    with _one_at_a_time, chdir(folder) if folder.is_dir() else nullcontext():
+        try:
+            task: Task = pickle.loads(sent)  # of the user's own command; Dask itself pickles
+            there = {**bits(), "plug-ins": _plugins_of(task)}
+        except (BadInput, OSError) as e:
+            share = f"share {folder} with it, or install plug-ins there as packages"
+            raise BadInput(f"the Dask worker {worker} lacks what the task names ({one_line(e)}): {share}") from e
+        for key, mine in there.items():
             if wanted.get(key) != mine:
-                worker = get_worker().address
                 raise BadInput(f"the Dask worker {worker} has other {key} than the machine that asks: {REMEDY[key]}")
         # Dask's workers are daemons, which may have no children; those of plug-ins end with their parent.
         multiprocessing.current_process()._config["daemon"] = False  # type: ignore[attr-defined]
@@ -353,7 +385,7 @@ def _connect(address: str) -> Iterator[Any]:
         distributed: Any = import_module("distributed")
     except ImportError:
         raise BadInput("--scheduler needs Dask, which is not installed: pip install 'cooploc[cluster]'") from None
-    if not re.fullmatch(r"\w+://.+:\d+", address):
+    if not re.fullmatch(r"(tcp|tls|wss?|ucx)://.+:\d+", address):
         raise BadInput(f"cannot read the scheduler's address {address!r}; write it like tcp://10.0.0.1:8786")
     for name in ("distributed", "distributed.client", "distributed.utils", "tornado.application"):
         logging.getLogger(name).setLevel(logging.CRITICAL)  # what they complain of is said in one line

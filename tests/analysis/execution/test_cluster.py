@@ -1,25 +1,34 @@
 """A study on a real Dask cluster on this machine: the bits of a local run, also when a worker is killed."""
 
 import json
+import pickle
 import subprocess
 import sys
+from types import SimpleNamespace
 
+import numpy as np
 import psutil
 import pytest
 from processes import environment, finish, install, parts, start, until
 
+import cooploc as cl
 from cooploc.analysis.execution import workers
+from cooploc.analysis.execution.provenance import bits
+from cooploc.analysis.execution.workers import Task
+from cooploc.estimators import configure
+from cooploc.scenarios import resolve
 
 pytestmark = pytest.mark.slow
-pytest.importorskip("distributed", reason="needs Dask: pip install 'cooploc[cluster]'")
+distributed = pytest.importorskip("distributed", reason="needs Dask: pip install 'cooploc[cluster]'")
 
 FAR = ("run", "small.toml", "--out", "far", "--scheduler")
 SMALL = """
 trials = 6
 baseline = "dead-reckoning"
 scenarios = ["robots-1-3/n={1..6}[ticks=12]"]
-estimators = ["dead-reckoning", "arl[particles=50]", "held"]
+estimators = ["dead-reckoning", "arl[particles=50]", "held", "mine.py:Mine"]
 """
+MINE = "from cooploc.estimators.dead_reckoning import DeadReckoning as Mine\n"
 
 
 @pytest.fixture(scope="module")
@@ -31,9 +40,10 @@ class Cluster:
     """A scheduler and workers on this machine, started by Dask's own commands."""
 
     def __init__(self, folder, plugins):
-        self.folder, self.variables, self.begun = folder, environment(plugins), []
-        self._begin("scheduler", "--host", "127.0.0.1", "--port", "0", "--scheduler-file", "scheduler.json")
+        self.elsewhere, self.variables, self.begun = folder / "elsewhere", environment(plugins), []
+        self.elsewhere.mkdir()
         said = folder / "scheduler.json"
+        self._begin("scheduler", "--host", "127.0.0.1", "--port", "0", "--scheduler-file", str(said))
         until(lambda: said.exists() and said.read_text().rstrip().endswith("}"))  # Dask writes into it as it stands
         self.address = json.loads(said.read_text())["address"]
 
@@ -46,7 +56,7 @@ class Cluster:
     def _begin(self, *arguments):
         command, nowhere = [sys.executable, "-m", "dask", *arguments, "--no-dashboard"], subprocess.DEVNULL
         self.begun.append(
-            subprocess.Popen(command, env=self.variables, cwd=self.folder, stdout=nowhere, stderr=nowhere)
+            subprocess.Popen(command, env=self.variables, cwd=self.elsewhere, stdout=nowhere, stderr=nowhere)
         )
 
 
@@ -81,6 +91,7 @@ def worker_names(address):
 def local(tmp_path, plugins):
     """The parts of the study without a cluster."""
     (tmp_path / "small.toml").write_text(SMALL)
+    (tmp_path / "mine.py").write_text(MINE)
     told = finish("run", "small.toml", "--out", "local", plugins=plugins, cwd=tmp_path)
     assert told.returncode == 0, told.stderr
     return parts(tmp_path / "local")
@@ -120,11 +131,47 @@ def test_a_cluster_gives_the_bits_of_a_local_run_though_a_worker_is_killed(clust
     [
         ("tcp://127.0.0.1:1", "no Dask scheduler answers at tcp://127.0.0.1:1"),
         ("nowhere", "cannot read the scheduler's address 'nowhere'"),
+        ("http://127.0.0.1:1", "cannot read the scheduler's address 'http://127.0.0.1:1'"),
     ],
 )
 def test_a_cluster_that_does_not_answer_is_one_line(tmp_path, plugins, address, said):
-    (tmp_path / "small.toml").write_text(SMALL)
+    (tmp_path / "small.toml").write_text(SMALL.replace(', "mine.py:Mine"', ""))
     told = finish(*FAR, address, plugins=plugins, cwd=tmp_path, prepare=be_hasty)
     assert (told.returncode, told.stderr.count("\n")) == (2, 1), told.stderr
     assert said in told.stderr
     assert not (tmp_path / "far").exists()
+
+
+def test_a_worker_that_has_other_files_of_plug_ins_or_none_ends_the_run_with_one_line(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(distributed, "get_worker", lambda: SimpleNamespace(address="tcp://w:1"))
+    (tmp_path / "mine.py").write_text(MINE)
+    task = Task(resolve("robots-1-3/n=1[ticks=3]"), range(2), 1, (configure("mine.py:Mine"),), 60.0, isolate=False)
+    wanted = {**bits(), "plug-ins": workers._plugins_of(task)}
+    (part,) = workers._measure_on_dask(wanted, tmp_path, pickle.dumps(task))
+    assert np.isfinite(part.frame["rmse"]).all()
+    (tmp_path / "mine.py").write_text(f"{MINE}# of another version\n")
+    with pytest.raises(
+        cl.BadInput, match=r"worker tcp://w:1 has other plug-ins than .*: share their folder, or install"
+    ):
+        workers._measure_on_dask(wanted, tmp_path, pickle.dumps(task))
+    (tmp_path / "mine.py").unlink()
+    with pytest.raises(cl.BadInput, match=f"tcp://w:1 lacks what the task names .*mine.py.*: share {tmp_path} with it"):
+        workers._measure_on_dask(wanted, tmp_path, pickle.dumps(task))
+
+
+def test_a_cluster_whose_workers_have_all_gone_is_given_up_after_a_minute(monkeypatch):
+    now, there = [0.0], {"tcp://w:1": 1}
+    client = SimpleNamespace(
+        status="running", nthreads=lambda: there, get_executor=lambda pure: SimpleNamespace(submit=0)
+    )
+    monkeypatch.setattr(workers.time, "monotonic", lambda: now[0])
+    processes = workers._dask_processes(client, "tcp://s:1")
+    for now[0] in range(0, 100, 5):
+        processes.require_alive()
+    there.clear()
+    for now[0] in range(100, 150, 5):
+        processes.require_alive()
+    now[0] = 170.0
+    with pytest.raises(cl.BadInput, match=r"tcp://s:1 has lost all workers .*; what was finished is kept"):
+        processes.require_alive()
