@@ -16,7 +16,18 @@ import numpy as np
 import pandas as pd
 
 from cooploc.analysis.claims.trial_table import TrialTable
-from cooploc.analysis.formats import change, count, decimals, interval, metres, microseconds, p_value, percent, ratio
+from cooploc.analysis.formats import (
+    change,
+    count,
+    count_of,
+    decimals,
+    interval,
+    metres,
+    microseconds,
+    p_value,
+    percent,
+    ratio,
+)
 from cooploc.analysis.metrics.errors import NOTE
 from cooploc.analysis.metrics.ranking import disqualifications, is_refused, rank_groups, short_certificate
 from cooploc.analysis.metrics.statistics import FIXED, Interval
@@ -458,12 +469,12 @@ def chosen_table(history: pd.DataFrame, tuned: dict[str, str]) -> Table:
 
 
 def order_sentence(table: pd.DataFrame, by: str) -> str:
-    """Return in one sentence how tuning changed the order of all pairs."""
-    n, of = len(table), table["became"].value_counts()
+    """Return in two sentences how tuning changed the order of all pairs."""
     changed = (table["smaller_shipped"] != table["smaller_tuned"]).sum()
+    became = table["became"].value_counts().reindex(["reversed", "kept", "appeared", "vanished", "open"], fill_value=0)
+    reversed_, kept, appeared, vanished, never = became
     return (
-        f"By {by}, {of.get('reversed', 0)} of {n} pairs of estimators in a scenario are significantly reversed by "
-        f"tuning, {of.get('kept', 0)} keep a significant order, {of.get('appeared', 0)} are told apart only when "
-        f"tuned, {of.get('vanished', 0)} only as shipped, {of.get('open', 0)} in neither; significant or not, the "
-        f"smaller error changes sides in {changed}."
+        f"By {by}, of {count_of(len(table), 'pair')} of estimators in a scenario tuning reversed a significant order "
+        f"in {reversed_}, and kept one in {kept}; {appeared} differ only when tuned, {vanished} only as shipped, "
+        f"{never} in neither. Without a test, the smaller error changed sides in {changed}."
     )

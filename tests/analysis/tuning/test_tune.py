@@ -209,7 +209,9 @@ def test_an_order_that_tuning_reverses_is_called_reversed_and_one_that_it_hides_
     assert table.loc[("a", "b"), "became"] == "reversed"
     assert table.loc[("b", "c"), "became"] == "kept"
     assert table.loc[("a", "c"), "shipped"] == "a"
-    assert "1 of 3 pairs" in order_sentence(table, "RMSE")
+    assert "of 3 pairs of estimators in a scenario tuning reversed a significant order in 1" in order_sentence(
+        table, "RMSE"
+    )
 
 
 def test_a_tuned_study_is_written_and_read_back_as_it_is(tmp_path):
