@@ -24,7 +24,7 @@ import pandas as pd
 
 from cooploc.analysis.execution.run import RunProgress, Silent, execute, prepare
 from cooploc.analysis.execution.run_directory import read_run, replace_file
-from cooploc.analysis.formats import count_of
+from cooploc.analysis.formats import count_of, join_words
 from cooploc.analysis.metrics import statistics
 from cooploc.analysis.metrics.compare import compare
 from cooploc.analysis.metrics.errors import CELL, drop_failed, weighted_means
@@ -110,6 +110,11 @@ def tune(
                 f"the budget is {budget} trials, and {space.shipped.label!r} is tuned on {len(mine)} scenarios: give "
                 f"at least --budget {len(mine)}"
             )
+    if fixed := [space.shipped.label for space, _ in competitors if not space.parameters]:
+        some = f"{join_words(fixed)} {'declares' if len(fixed) == 1 else 'declare'} no parameters to tune (cl.tunable)"
+        if len(fixed) == len(competitors):
+            raise BadInput(f"{some}: name an estimator that does, or declare some")
+        watcher.say(f"{some}: as shipped")
     (out / RECORD_FILE).unlink(missing_ok=True)
     watcher.begin(budget * len(competitors), 0)
     scenarios = {one.label: one for lane in own.values() for one in lane.scenarios}

@@ -44,6 +44,15 @@ def test_a_recording_is_not_tuned_on_unless_the_study_says_on_which_other(data):
     assert [lane.item(k).scenario for k in range(4)] == ["log/two", "log/three", "log/two", "log/three"]
 
 
+def test_a_study_with_nothing_to_tune_is_refused_before_anything_runs(tmp_path):
+    study = STUDY.model_copy(update={"estimators": ("dead-reckoning",), "baseline": "dead-reckoning"})
+    with pytest.raises(
+        BadInput, match=r"^dead-reckoning declares no parameters to tune .*: name an estimator that does"
+    ):
+        tune(study, tmp_path / "out", budget=8)
+    assert not (tmp_path / "out").exists()
+
+
 @pytest.mark.parametrize("other", ["log/one", "log/all", "log/copy", "log/one[position_sd=0.3]"])
 def test_the_judged_run_is_recognised_under_other_names(data, other):
     with pytest.raises(BadInput, match="which is judged"):
