@@ -7,11 +7,12 @@
     cl.compare(errors, baseline="arl")
     cl.plot.rmse(errors)
 
-`cl.estimators()`, `cl.scenarios()` and `cl.studies()` list what there is; `cl.run_study("quick")` runs a whole study.
-Names are imported when they are first used, so that `cooploc --help` does not wait for pandas.
+`cl.list_estimators()`, `cl.list_scenarios()` and `cl.list_studies()` say what there is; `cl.run_study("quick")` runs a
+whole study. Names are imported when they are first used, so that `cooploc --help` does not wait for pandas.
 """
 
 import ast as _ast
+import warnings as _warnings
 from importlib import import_module as _import_module
 from importlib.metadata import version as _version
 from pathlib import Path as _Path
@@ -24,6 +25,7 @@ _IMPORTS = [
 _MODULES = {"estimators": "cooploc.estimators", "scenarios": "cooploc.scenarios", "plot": "cooploc.analysis.plot"}
 # name -> the module that it is imported from, when it is first used
 _HOME = {name: module for module, name in _IMPORTS if name not in _MODULES and name != "CallablePackage"}
+_RENAMED = {"studies": "list_studies", "problems": "list_problems"}  # the old names, for this version
 
 __all__ = [*_HOME, *_MODULES]  # noqa: PLE0604 (strings, as the mappings say)
 __version__ = _version("cooploc")
@@ -34,6 +36,9 @@ def __getattr__(name: str) -> _Any:
         found = _import_module(_MODULES[name])
     elif name in _HOME:
         found = getattr(_import_module(_HOME[name]), name)
+    elif name in _RENAMED:
+        _warnings.warn(f"cl.{name} is called cl.{_RENAMED[name]} now", FutureWarning, stacklevel=2)
+        return __getattr__(_RENAMED[name])
     else:
         raise AttributeError(f"module 'cooploc' has no attribute {name!r}")
     globals()[name] = found

@@ -43,11 +43,13 @@ from cooploc.estimators.interface import TeamEstimator as TeamEstimator
 from cooploc.estimators.interface import Traffic as Traffic
 from cooploc.estimators.interface import World as World
 from cooploc.estimators.layout import Layout as Layout
+from cooploc.estimators.listing import list_estimators as list_estimators
 from cooploc.estimators.registry import CallablePackage as _CallablePackage
 from cooploc.estimators.tunable import tunable as tunable
 from cooploc.inspection import Inspection as Inspection
 from cooploc.inspection import inspect as inspect
 from cooploc.scaffold import new_estimator as new_estimator
+from cooploc.scenarios import list_scenarios as list_scenarios
 from cooploc.scenarios import simulate as simulate
 from cooploc.scenarios.conformance import check_estimator as check_estimator
 from cooploc.scenarios.runner.run import Run as Run
@@ -57,8 +59,8 @@ from cooploc.scenarios.runner.tick import IncompatibleEstimator as IncompatibleE
 from cooploc.scenarios.runner.trace import Trace as Trace
 from cooploc.scenarios.stream import Stream as Stream
 from cooploc.scenarios.stream import Truth as Truth
-from cooploc.scenarios.studies.study import problems as problems
-from cooploc.scenarios.studies.study import studies as studies
+from cooploc.scenarios.studies.study import list_problems as list_problems
+from cooploc.scenarios.studies.study import list_studies as list_studies
 from cooploc.terminal.tables import show as show
 
 estimators: _CallablePackage

@@ -161,7 +161,7 @@ def run_study(
     a row stopped early: stopping makes them a little too large.
 
     Args:
-        study: a shipped study (`cl.studies()`), or the path of a study's TOML file.
+        study: a shipped study (`cl.list_studies()`), or the path of a study's TOML file.
         trials: of each scenario; the study's where not given.
         max_trials: instead of `trials`: those at which what is still undecided ends, such as 1000.
         ledger: the claims that are to be decided then.

@@ -61,7 +61,7 @@ def list_(kind: Annotated[str, typer.Argument(help=f"{', '.join(KINDS)} [default
 
         raise cl.BadInput(f"there is no list of {kind!r}; {nearest(kind, list(KINDS))}")
     for one in [kind] if kind else KINDS:
-        terminal.tables.show_list(one, getattr(cl, one)())
+        terminal.tables.show_list(one, getattr(cl, f"list_{one}")())
     typer.echo("next: cooploc run quick --estimators arl,ekf-ci, or another study, or a problem")
 
 

@@ -20,10 +20,10 @@ ROOT = Path(__file__).resolve().parents[1]
 LISTS = {
     "scenarios": (
         "Scenarios",
-        "What `cl.scenarios()` knows.",
+        "What `cl.list_scenarios()` knows.",
         ["labels", "about", "source"],
     ),
-    "studies": ("Studies", "What `cl.studies()` knows.", ["name", "takes", "about"]),
+    "studies": ("Studies", "What `cl.list_studies()` knows.", ["name", "takes", "about"]),
 }
 
 
@@ -84,7 +84,7 @@ def estimators() -> str:
     """A row for each built-in estimator: what it is, senses and sends, its bytes, consistency and source."""
     head = ["name", "what it is", "senses", "sends", "bytes per message", "known consistency", "source"]
     lines = [head, ["---"] * len(head)]
-    for row in cl.estimators().set_index("name", drop=False).loc[list(BUILTIN)].to_dict("records"):
+    for row in cl.list_estimators().set_index("name", drop=False).loc[list(BUILTIN)].to_dict("records"):
         name, about = f"`{row['name']}`", row["about"].partition(". ")[0].rstrip(".") + "."
         about += " **The bound** of all others." if row["bound"] else ""
         senses, made = row["uses"].replace("|", " or ").replace("_", " "), cl.make(row["name"])

@@ -5,7 +5,7 @@ register a class under the entry-point group `cooploc.estimators`, or pass an in
 """
 
 import sys
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from cooploc.estimators.building import ConfiguredEstimator, build
 from cooploc.estimators.errors import BadInput
@@ -14,9 +14,6 @@ from cooploc.estimators.label_syntax import parse as parse
 from cooploc.estimators.label_syntax import shorten_labels as shorten_labels
 from cooploc.estimators.label_syntax import split_labels as split_labels
 from cooploc.estimators.registry import CallablePackage, Registry, load_object, refusal
-
-if TYPE_CHECKING:
-    from pandas import DataFrame
 
 # name -> its class, and the parameters that differ from the class's defaults
 BUILTIN: dict[str, tuple[str, dict[str, Any]]] = {
@@ -96,13 +93,6 @@ def _unusable(name: str) -> str:
         return refusal(make(name))
     except Exception as e:  # a plug-in may fail in any way
         return str(e) if isinstance(e, BadInput) else f"{type(e).__name__}: {e}"
-
-
-def table() -> "DataFrame":
-    """Return the table of `cl.estimators()`: one row per estimator."""
-    from cooploc.estimators.listing import listing
-
-    return listing()
 
 
 sys.modules[__name__].__class__ = CallablePackage

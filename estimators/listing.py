@@ -1,4 +1,4 @@
-"""The table of estimators, `cl.estimators()`, and the configurations of a method that have a name.
+"""The table of estimators, `cl.list_estimators()`, and the configurations of a method that have a name.
 
 *Preset*: our reading of its paper, the default. *Letter*: the reading nearest to the seed paper's words; *code*: what
 public code of companion work does (both as in the ledger of its claims). *At its best*: of the same method and
@@ -82,8 +82,8 @@ def declares_bytes(label: str) -> bool:
         return False
 
 
-def listing() -> "DataFrame":
-    """Return one row per estimator, the built-in ones first.
+def list_estimators() -> "DataFrame":
+    """Return a table with a row for each estimator that can be named, the built-in ones first.
 
     Columns: `name`; `about`, in a sentence; `uses`, the channels it needs; `centralised`, whether all readings reach
     one computer; `bound`, whether it bounds all others; `offline`, whether it sees later readings too; `published` and

@@ -5,6 +5,7 @@ are, too, the optional members of an estimator.
 """
 
 import sys
+import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import Field, dataclass
 from importlib import import_module
@@ -139,11 +140,13 @@ def source_of(cls: type) -> str:
 
 
 class CallablePackage(ModuleType):
-    """A package whose call returns its `table()`: `cl.estimators` is the package, and `cl.estimators()` the table."""
+    """A package that can be called, as `cl.list_estimators()` was once called `cl.estimators()`; for this version."""
 
     def __call__(self) -> "DataFrame":
-        """Return one row for everything that can be used by name."""
-        listed: DataFrame = self.table()
+        """Return the table of names that can be used."""
+        name = f"list_{self.__name__.rpartition('.')[2]}"
+        warnings.warn(f"cl.{name.removeprefix('list_')}() is called cl.{name}() now", FutureWarning, stacklevel=2)
+        listed: DataFrame = getattr(import_module("cooploc"), name)()
         return listed
 
     def __reduce__(self) -> tuple[Any, ...]:

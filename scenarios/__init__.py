@@ -190,8 +190,8 @@ def plugin_errors() -> dict[str, str]:
     return REGISTRY.errors(reason)
 
 
-def table() -> "DataFrame":
-    """Return the table of `cl.scenarios()`: one row per family of scenarios, the built-in ones first.
+def list_scenarios() -> "DataFrame":
+    """Return a table with a row for each family of scenarios, the built-in ones first.
 
     Columns: `name`; `about`, in a sentence; `labels`, how its members are written; `parameters`, what can be set in
     brackets or by keyword; `source`, the paper or data set; `problem`, why a plug-in cannot be used, else empty.

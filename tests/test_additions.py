@@ -99,7 +99,7 @@ Path("straight").mkdir()
 Path("straight/fast.line").write_text("2.0")
 Path("straight/log.toml").write_text('format = "line"')
 assert TeamFolder(Path("straight")).log("fast").truth[0].source == "fast.line"
-assert "still" in set(cl.estimators()["name"]) and {"hall", "tape"} <= set(cl.scenarios()["name"])
+assert "still" in set(cl.list_estimators()["name"]) and {"hall", "tape"} <= set(cl.list_scenarios()["name"])
 truth, stream = cl.simulate("hall", trials=3, ticks=5)
 errors = cl.errors(truth, cl.run("still,dead-reckoning", stream))
 assert "largest_error" in cl.compare(errors, baseline="dead-reckoning", full=True)

@@ -443,7 +443,7 @@ ROLES = {"offline": "offline: neither ranked nor best", "bound": "a bound", "cen
 
 
 def show_list(kind: str, listed: pd.DataFrame) -> None:
-    """Print the table of `cl.estimators()`, `cl.scenarios()`, ... of that kind, then plug-ins that cannot be used."""
+    """Print the table of `cl.list_estimators()`, or of another kind, then plug-ins that cannot be used."""
     broken = listed["problem"] != "" if "problem" in listed else pd.Series(False, listed.index)
     rows, console = [], make_console()
     for row in listed[~broken].to_dict("records"):

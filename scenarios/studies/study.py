@@ -306,7 +306,7 @@ def resolve_study(study: Study, data: Path | None = None) -> ResolvedStudy:
     return ResolvedStudy(study, data, tuple(found))
 
 
-def studies() -> "DataFrame":
+def list_studies() -> "DataFrame":
     """Return the table of shipped studies.
 
     Columns: `name`; `about`, its title and what it asks; `minutes`, how long it takes on two cores, nan where that
@@ -323,7 +323,7 @@ def studies() -> "DataFrame":
     return DataFrame(rows, columns=["name", "about", "minutes", "source"]).astype({"minutes": float})
 
 
-def problems() -> "DataFrame":
+def list_problems() -> "DataFrame":
     """Return the table of problems, studies whose streams never change; `cl.run_study("arena-3@1")` runs one.
 
     Columns: `name` with its version; `about`, the world and what is sensed; `trials` and `seed`, which are fixed;

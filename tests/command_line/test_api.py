@@ -28,10 +28,10 @@ def test_dir_shows_what_users_call_and_an_unknown_name_is_an_attribute_error():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("then", ["", ", importlib; importlib.reload(cl.estimators); importlib.reload(cl)"])
-def test_estimators_and_scenarios_are_lists_and_packages_in_any_order_of_imports(then):
+def test_estimators_and_scenarios_are_listed_and_are_packages_in_any_order_of_imports(then):
     program = (
         f"import cooploc as cl{then}\n"
-        "assert cl.estimators().name[0] == 'dead-reckoning' and cl.scenarios().name[0] == 'robots-1-3'\n"
+        "assert cl.list_estimators().name[0] == 'dead-reckoning' and cl.list_scenarios().name[0] == 'robots-1-3'\n"
         "assert callable(cl.estimators.make) and cl.scenarios.simulate is cl.simulate\n"
         "import cooploc.estimators as e, cooploc.scenarios as s\n"
         "assert e is cl.estimators and s is cl.scenarios"
@@ -40,9 +40,16 @@ def test_estimators_and_scenarios_are_lists_and_packages_in_any_order_of_imports
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.parametrize("kind", ["estimators", "scenarios", "studies", "problems"])
+def test_the_old_names_of_lists_warn_and_give_the_same(kind):
+    with pytest.warns(FutureWarning, match=f"cl.{kind}.* is called cl.list_{kind}.* now"):
+        old = getattr(cl, kind)()
+    pd.testing.assert_frame_equal(old, getattr(cl, f"list_{kind}")())
+
+
 def test_lists_say_what_there_is():
     estimators, scenarios, studies = (
-        table.set_index("name") for table in (cl.estimators(), cl.scenarios(), cl.studies())
+        table.set_index("name") for table in (cl.list_estimators(), cl.list_scenarios(), cl.list_studies())
     )
     assert all((table["about"] != "").all() for table in (estimators, scenarios, studies))
     assert estimators.index[estimators["centralised"]].tolist() == ["ekf-joint", "iekf-joint", "ukf-joint", "map-joint"]
@@ -62,7 +69,7 @@ def test_a_broken_plugin_is_listed_with_its_problem(tmp_path, monkeypatch):
     points = "[cooploc.estimators]\nbroken = no_such_module:X\n[cooploc.scenarios]\nlost = no_such_module:Y\n"
     (info / "entry_points.txt").write_text(points)
     monkeypatch.syspath_prepend(tmp_path)
-    for table, name in ((cl.estimators(), "broken"), (cl.scenarios(), "lost")):
+    for table, name in ((cl.list_estimators(), "broken"), (cl.list_scenarios(), "lost")):
         problems = table.set_index("name")["problem"]
         assert "no_such_module" in problems[name]
         assert (problems.drop(name) == "").all()
@@ -125,7 +132,7 @@ def test_a_report_is_written_and_its_trials_are_reproduced(results, place):
 
 
 def test_every_command_is_a_function_too():
-    functions = {"run": "run_study", "check": "check_estimator", "compare": "compare_runs"}
+    functions = {"run": "run_study", "check": "check_estimator", "compare": "compare_runs", "problems": "list_problems"}
     commands = [command.name or command.callback.__name__ for command in app.registered_commands]
     assert {functions.get(name, name) for name in commands if name != "list"} <= set(cl.__all__)
 

@@ -12,7 +12,9 @@ from cooploc.estimators import models, particle_likelihood, robust
 from cooploc.estimators.kalman import kalman, soften
 
 LABELS = [
-    name for name in cl.estimators()["name"] if name != "gbp" and any(f.name == "loss" for f in fields(cl.make(name)))
+    name
+    for name in cl.list_estimators()["name"]
+    if name != "gbp" and any(f.name == "loss" for f in fields(cl.make(name)))
 ]
 KALMAN = [name for name in LABELS if "ekf" in name or "ukf" in name]
 

@@ -98,7 +98,7 @@ def test_every_run_of_a_text_is_made_before_its_page(scripts, text):
 
 
 def test_every_study_that_is_run_is_shipped_or_a_file_beside_its_page(scripts):
-    shipped = set(cl.studies()["name"])
+    shipped = set(cl.list_studies()["name"])
     runs = [step.command[step.command.index("run") + 1] for step in scripts["make_all"].STEPS if "run" in step.command]
     assert all(run in shipped or Path(run).is_file() for run in runs)
 

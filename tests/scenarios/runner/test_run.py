@@ -58,7 +58,7 @@ TRUTH, STREAM = cl.simulate("trajectory", ticks=3)
         ("arl[M=1,K=1], ekf-local", ["arl[M=1,K=1]", "ekf-local"]),
         (["arl", "mrsl-rssi[particles=50]", EkfLocal], ["arl", "mrsl-rssi[particles=50]", "EkfLocal"]),
         ((name for name in ("arl", "ctrn")), ["arl", "ctrn"]),
-        (cl.estimators()["name"][:2], ["dead-reckoning", "arl"]),
+        (cl.list_estimators()["name"][:2], ["dead-reckoning", "arl"]),
         (EkfLocal(gate=9.0), ["EkfLocal"]),
         ({"mine": EkfLocal, "b": EkfLocal(gate=9.0), "c": "ekf-local[gate=9]"}, ["mine", "b", "c"]),
     ],
