@@ -161,14 +161,17 @@ def test_a_worker_that_has_other_files_of_plug_ins_or_none_ends_the_run_with_one
 
 
 def test_a_cluster_whose_workers_have_all_gone_is_given_up_after_a_minute(monkeypatch):
-    now, there = [0.0], {"tcp://w:1": 1}
+    now, there, asked = [0.0], {"tcp://w:1": 1}, []
     client = SimpleNamespace(
-        status="running", nthreads=lambda: there, get_executor=lambda pure: SimpleNamespace(submit=0)
+        status="running",
+        nthreads=lambda: asked.append(now[0]) or there,
+        get_executor=lambda pure: SimpleNamespace(submit=0),
     )
     monkeypatch.setattr(workers.time, "monotonic", lambda: now[0])
     processes = workers._dask_processes(client, "tcp://s:1")
     for now[0] in range(0, 100, 5):
         processes.require_alive()
+    assert asked == [15, 30, 45, 60, 75, 90]  # it is not asked after each result
     there.clear()
     for now[0] in range(100, 150, 5):
         processes.require_alive()
