@@ -25,7 +25,7 @@ from cooploc.analysis.formats import (
 )
 from cooploc.analysis.report.html_page import Wording, html
 from cooploc.analysis.report.labels import short_labels
-from cooploc.analysis.report.result_tables import sort_rows
+from cooploc.analysis.report.result_tables import essential_columns, sort_rows
 from cooploc.analysis.report.tables import Table, number_column, text_column
 from cooploc.estimators.errors import BadInput
 
@@ -111,6 +111,18 @@ def test_rows_of_a_scenario_are_in_order_and_scenarios_stay(by, order):
     assert "".join(sort_rows(ORDER, by)["estimator"]) == order
     with pytest.raises(BadInput, match=r"--sort is 'rms'; did you mean 'rmse'\?"):
         sort_rows(ORDER, "rms")
+
+
+@pytest.mark.parametrize(
+    ("baseline", "head"),
+    [("arl", "vs arl [%]"), ("rssi-pf [letters]", "vs baseline [%]"), ("ekf-joint[own=rssi]", "vs baseline [%]")],
+)
+def test_the_baseline_is_called_so_in_its_row_and_in_the_head_where_its_name_is_long(baseline, head):
+    row = {"baseline": baseline, "change": 0.2, "change_low": 0.1, "change_high": 0.3, "decisive_trial": np.nan}
+    (column,) = (c for c in essential_columns([baseline], until_decided=False) if c.head.startswith("vs "))
+    assert column.head == head
+    assert column.text({**row, "estimator": baseline}) == "baseline"
+    assert column.text({**row, "estimator": "other"}) == "+20 [+10, +30]"
 
 
 def test_html_is_sorted_by_values_with_groups_markers_and_links_and_everything_is_escaped():
