@@ -69,7 +69,7 @@ def figures() -> str:
 
 def _table(kind: str, columns: list[str]) -> str:
     """A list as a pipe table."""
-    found = getattr(cl, kind)()
+    found = getattr(cl, f"list_{kind}")()
     if "minutes" in found:
         found = found.assign(takes=[f"{m:g} min" if m == m else "" for m in found["minutes"]])
     lines = [columns, ["---"] * len(columns)]
