@@ -9,7 +9,6 @@ failure like any other.
 import asyncio
 import logging
 import multiprocessing
-import pickle
 import re
 import threading
 import time
@@ -95,10 +94,14 @@ class Task:
         """Its share of the work, roughly."""
         return len(self.trials) * self.scenario.robots * len(self.estimators)
 
+    def labels(self) -> tuple[Any, ...]:
+        """Return what `_read_task` takes."""
+        names = [one.label for one in self.estimators]
+        rest = self.trials, self.seed, names, self.time_limit, self.isolate
+        return self.scenario.label, self.scenario.data, *rest
+
     def __reduce__(self) -> tuple[Callable[..., "Task"], tuple[Any, ...]]:
-        labels = [one.label for one in self.estimators]
-        rest = self.trials, self.seed, labels, self.time_limit, self.isolate
-        return _read_task, (self.scenario.label, self.scenario.data, *rest)
+        return _read_task, self.labels()
 
 
 def _read_task(
@@ -343,7 +346,7 @@ def _dask_processes(client: Any, address: str) -> Processes:
 
     def send(task: Task) -> Future[Any]:
         wanted = {**bits(), "plug-ins": _plugins_of(task)}
-        sent: Future[Any] = submit_there(_measure_on_dask, wanted, Path.cwd(), pickle.dumps(task))
+        sent: Future[Any] = submit_there(_measure_on_dask, wanted, Path.cwd(), task.labels())
         return sent
 
     submit_there = client.get_executor(pure=False).submit
@@ -355,8 +358,8 @@ def _plugins_of(task: Task) -> dict[str, str]:
     return plugins(task.estimators, [task.scenario])[0]
 
 
-def _measure_on_dask(wanted: dict[str, Any], folder: Path, sent: bytes) -> list[MeasuredPart]:
-    """Measure a pickled task in the folder of the machine that asks, where it gives the bits that are wanted.
+def _measure_on_dask(wanted: dict[str, Any], folder: Path, labels: tuple[Any, ...]) -> list[MeasuredPart]:
+    """Measure the task of these labels in the folder of the machine that asks, if it gives the bits that are wanted.
 
     One thread of a worker at a time is timed alone.
     """
@@ -365,7 +368,7 @@ def _measure_on_dask(wanted: dict[str, Any], folder: Path, sent: bytes) -> list[
     worker = get_worker().address
     with _one_at_a_time, chdir(folder) if folder.is_dir() else nullcontext():
         try:
-            task: Task = pickle.loads(sent)  # of the user's own command; Dask itself pickles
+            task = _read_task(*labels)
             there = {**bits(), "plug-ins": _plugins_of(task)}
         except (BadInput, OSError) as e:
             share = f"share {folder} with it, or install plug-ins there as packages"

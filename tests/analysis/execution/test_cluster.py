@@ -1,7 +1,6 @@
 """A study on a real Dask cluster on this machine: the bits of a local run, also when a worker is killed."""
 
 import json
-import pickle
 import subprocess
 import sys
 from types import SimpleNamespace
@@ -148,16 +147,16 @@ def test_a_worker_that_has_other_files_of_plug_ins_or_none_ends_the_run_with_one
     (tmp_path / "mine.py").write_text(MINE)
     task = Task(resolve("robots-1-3/n=1[ticks=3]"), range(2), 1, (configure("mine.py:Mine"),), 60.0, isolate=False)
     wanted = {**bits(), "plug-ins": workers._plugins_of(task)}
-    (part,) = workers._measure_on_dask(wanted, tmp_path, pickle.dumps(task))
+    (part,) = workers._measure_on_dask(wanted, tmp_path, task.labels())
     assert np.isfinite(part.frame["rmse"]).all()
     (tmp_path / "mine.py").write_text(f"{MINE}# of another version\n")
     with pytest.raises(
         cl.BadInput, match=r"worker tcp://w:1 has other plug-ins than .*: share their folder, or install"
     ):
-        workers._measure_on_dask(wanted, tmp_path, pickle.dumps(task))
+        workers._measure_on_dask(wanted, tmp_path, task.labels())
     (tmp_path / "mine.py").unlink()
     with pytest.raises(cl.BadInput, match=f"tcp://w:1 lacks what the task names .*mine.py.*: share {tmp_path} with it"):
-        workers._measure_on_dask(wanted, tmp_path, pickle.dumps(task))
+        workers._measure_on_dask(wanted, tmp_path, task.labels())
 
 
 def test_a_cluster_whose_workers_have_all_gone_is_given_up_after_a_minute(monkeypatch):
