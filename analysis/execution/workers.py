@@ -388,6 +388,8 @@ def _connect(address: str) -> Iterator[Any]:
         distributed: Any = import_module("distributed")
     except ImportError:
         raise BadInput("--scheduler needs Dask, which is not installed: pip install 'cooploc[cluster]'") from None
+    if not isinstance(address, str):
+        raise BadInput(f"scheduler is a {type(address).__name__}; give its address, such as cluster.scheduler_address")
     if not re.fullmatch(r"(tcp|tls|wss?|ucx)://.+:\d+", address):
         raise BadInput(f"cannot read the scheduler's address {address!r}; write it like tcp://10.0.0.1:8786")
     for name in ("distributed", "distributed.client", "distributed.utils", "tornado.application"):

@@ -159,6 +159,11 @@ def test_a_worker_that_has_other_files_of_plug_ins_or_none_ends_the_run_with_one
         workers._measure_on_dask(wanted, tmp_path, task.labels())
 
 
+def test_a_cluster_is_named_by_its_address(tmp_path):
+    with pytest.raises(cl.BadInput, match=r"scheduler is a SimpleNamespace; give its address, .*scheduler_address$"):
+        cl.run_study("quick", scheduler=SimpleNamespace(), out=tmp_path / "far")
+
+
 def test_a_cluster_whose_workers_have_all_gone_is_given_up_after_a_minute(monkeypatch):
     now, there, asked = [0.0], {"tcp://w:1": 1}, []
     client = SimpleNamespace(
