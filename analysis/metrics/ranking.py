@@ -35,15 +35,15 @@ def missing_checks(line: str) -> str:
 
 
 def short_certificate(line: str) -> str:
-    """Return a certificate's line in a few words: "✓ 12 checks", "✓ 11 of 12 checks; axes", "✗ causality"."""
+    """Return a certificate's line in a few words: "✓ 12 checks", "✓ 11 of 12 checks, not axes", "✗ causality"."""
     line, _, learned = line.partition(TRAINED)
     status, _, found = line.partition(": ")
     said = status
     if status == "passed":
         count, *exempt = found.split("; ")  # an exemption is "axes: why"
         parted = [one.partition(": ") for one in exempt]
-        names = [name for name, _, why in parted if why]
-        said = "; ".join([f"✓ {count}", *names])
+        names = [name if name.endswith(" skipped") else f"not {name}" for name, _, why in parted if why]
+        said = ", ".join([f"✓ {count}", *names])
     elif status == "failed":
         said = f"✗ {_failed_check(line)}"
     return f"{said}; trained on {learned}" if learned else said

@@ -23,6 +23,7 @@ from cooploc.analysis.formats import (
     percent,
     ratio,
 )
+from cooploc.analysis.metrics.ranking import short_certificate
 from cooploc.analysis.report.html_page import Wording, html
 from cooploc.analysis.report.labels import short_labels
 from cooploc.analysis.report.result_tables import essential_columns, sort_rows
@@ -123,6 +124,20 @@ def test_the_baseline_is_called_so_in_its_row_and_in_the_head_where_its_name_is_
     assert column.head == head
     assert column.text({**row, "estimator": baseline}) == "baseline"
     assert column.text({**row, "estimator": "other"}) == "+20 [+10, +30]"
+
+
+@pytest.mark.parametrize(
+    ("line", "shown"),
+    [
+        ("passed: 12 checks", "✓ 12 checks"),
+        ("passed: 11 of 12 checks; silence: it circles; axes: why", "✓ 11 of 12 checks, not silence, not axes"),
+        ("passed: 2 of 12 checks; 10 skipped: after 9 runs", "✓ 2 of 12 checks, 10 skipped"),
+        ("failed: causality: why; trained on: nlos", "✗ causality; trained on nlos"),
+        ("unchecked: by request", "unchecked"),
+    ],
+)
+def test_checks_are_written_in_a_few_words(line, shown):
+    assert short_certificate(line) == shown
 
 
 def test_html_is_sorted_by_values_with_groups_markers_and_links_and_everything_is_escaped():
