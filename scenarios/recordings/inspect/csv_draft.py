@@ -29,6 +29,7 @@ from cooploc.scenarios.recordings.inspect.draft_toml import Draft, DraftTable, E
 from cooploc.scenarios.recordings.inspect.findings import Finding
 from cooploc.scenarios.recordings.inspect.table_parts import (
     NAMELESS,
+    NO_STAMPS,
     READINGS,
     STAMPS,
     TablePart,
@@ -328,7 +329,8 @@ def _lack_of(needed: str, folder: Path, files: Sequence[CsvTable], lacking: Mapp
         return f"{folder / nameless}: {NAMELESS}; {remedy}"
     sides = (needed,) if len(lacking) < len(files) else (needed, "")  # of some that say nothing none is to blame
     if odd := next((name for name in lacking if naming.side_of(Path(name).stem) in sides), ""):
-        return f"{folder / odd}: {lacking[odd]}, and so no {needed}; name its columns in log.toml"
+        remedy = "add one, such as `time` [s]" if lacking[odd] == NO_STAMPS else "name its columns in log.toml"
+        return f"{folder / odd}: {lacking[odd]}, and so no {needed}; {remedy}"
     for file in files:
         known = {guess.quantity for guess in file.guesses}
         of_wheels = next((guess for guess in file.guesses if guess.reason in naming.REMEDY.values()), None)
@@ -336,7 +338,7 @@ def _lack_of(needed: str, folder: Path, files: Sequence[CsvTable], lacking: Mapp
             return f"{folder / file.name}: {of_wheels.column!r} is {of_wheels.reason}"
         if known & {"speed", "turn_rate", "dx"} and not known & {"time", "sec"}:
             stamps = [f" ({g.reason})" for g in file.guesses if naming.name_meaning(g.column)[0] in ("time", "sec")]
-            return f"{folder / file.name}: no column of it holds stamps{''.join(stamps)}; add one, such as `time` [s]"
+            return f"{folder / file.name}: {NO_STAMPS}{''.join(stamps)}; add one, such as `time` [s]"
     return ""
 
 

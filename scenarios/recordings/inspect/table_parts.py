@@ -12,6 +12,7 @@ READINGS = ("sightings", "ranges", "rssi")
 QUANTITIES = (("range", "bearing"), ("ahead", "left")), (("range",),), (("rssi",),)  # of each
 STAMPS = ("time", "sec", "nsec")
 NAMELESS = "numbers where the names of the columns should be"
+NO_STAMPS = "no column of it holds stamps"
 KINDS = ("velocity", "path", "increment", "displacement", "pose")  # of odometry; the first whose columns a file has
 
 # Of odometry in two files, speeds in one and turns in the other: quantity -> its table, and the kind of odometry.
@@ -109,7 +110,7 @@ def why_no_table(file: CsvTable, halves: bool = False) -> str:
         return NAMELESS
     if parts_of(file, halves) or not {g.quantity for g in file.guesses} & {"time", "sec"}:
         why = next((g.reason for g in file.guesses if naming.name_meaning(g.column)[0] in ("time", "sec")), "")
-        return "" if parts_of(file, halves) else f"no column of it holds stamps{f' ({why})' * bool(why)}"
+        return "" if parts_of(file, halves) else f"{NO_STAMPS}{f' ({why})' * bool(why)}"
     if naming.is_estimate(Path(file.name).stem) and {"x", "y"} <= {g.quantity for g in file.guesses}:
         return "what a filter estimated is not taken for the truth; if it is, name it in [truth]"
     reasons: dict[str, list[str]] = {}

@@ -381,11 +381,13 @@ def test_speeds_of_two_wheels_say_what_to_write(team):
         cl.inspect(team(wheels))
 
 
-def test_a_counter_of_lines_is_no_stamp(tmp_path):
+@pytest.mark.parametrize(("columns", "so"), [("step,x,y,v,w", ""), ("v,w", ", and so no odometry")])
+def test_a_counter_of_lines_is_no_stamp(tmp_path, columns, so):
     for robot in ROBOTS:
-        lines = [f"{k},{k / 10},{k % 7},0.3,{k % 3}" for k in range(50)]
-        (tmp_path / f"{robot}.csv").write_text("\n".join(["step,x,y,v,w", *lines, ""]))
-    with pytest.raises(BadInput, match=r"blue\.csv: no column of it holds stamps; add one, such as `time` \[s\]"):
+        lines = [[k, k / 10, k % 7, 0.3, k % 3] for k in range(50)]
+        lines = [",".join(map(str, line[-columns.count(",") - 1 :])) for line in lines]
+        (tmp_path / f"odom_{robot}.csv").write_text("\n".join([columns, *lines, ""]))
+    with pytest.raises(BadInput, match=rf"blue\.csv: no column of it holds stamps{so}; add one, such as `time` \[s\]"):
         cl.inspect(tmp_path)
 
 
