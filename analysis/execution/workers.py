@@ -308,7 +308,7 @@ SEEN, GONE = 10.0, 60.0  # [s] between looks whether it has workers; without any
 REMEDY = {
     "versions": "install the same there",
     "source": "install the same there",
-    "plug-ins": "share their folder, or install the same there",
+    "plug-ins": "share their folder, or install the same there; if one was edited meanwhile, start again",
     "instructions": "use workers of one kind of processor, with the same flags",
 }
 _one_at_a_time = threading.Lock()
@@ -344,8 +344,10 @@ def _dask_processes(client: Any, address: str) -> Processes:
                 why = "their logs say why; one that has no cooploc ends as soon as it is sent a task"
                 raise BadInput(f"the Dask scheduler at {address} has lost all workers ({why}); {kept}")
 
+    begun: dict[str, str] = {}  # plug-in -> the hash that it had when the run began: one that is edited is refused
+
     def send(task: Task) -> Future[Any]:
-        wanted = {**bits(), "plug-ins": _plugins_of(task)}
+        wanted = {**bits(), "plug-ins": {name: begun.setdefault(name, now) for name, now in _plugins_of(task).items()}}
         sent: Future[Any] = submit_there(_measure_on_dask, wanted, Path.cwd(), task.labels())
         return sent
 

@@ -159,6 +159,18 @@ def test_a_worker_that_has_other_files_of_plug_ins_or_none_ends_the_run_with_one
         workers._measure_on_dask(wanted, tmp_path, task.labels())
 
 
+def test_a_plug_in_that_is_edited_while_a_run_goes_on_is_asked_for_as_it_was(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.py").write_text(MINE)
+    submit = SimpleNamespace(submit=lambda measure, wanted, *rest: wanted["plug-ins"])
+    client = SimpleNamespace(nthreads=dict, get_executor=lambda pure: submit)
+    task = Task(resolve("robots-1-3/n=1[ticks=3]"), range(2), 1, (configure("mine.py:Mine"),), 60.0, isolate=False)
+    processes = workers._dask_processes(client, "tcp://s:1")
+    before = processes.submit(task)
+    (tmp_path / "mine.py").write_text(f"{MINE}# edited\n")
+    assert processes.submit(task) == before != workers._plugins_of(task)
+
+
 def test_a_cluster_is_named_by_its_address(tmp_path):
     with pytest.raises(cl.BadInput, match=r"scheduler is a SimpleNamespace; give its address, .*scheduler_address$"):
         cl.run_study("quick", scheduler=SimpleNamespace(), out=tmp_path / "far")
