@@ -257,7 +257,7 @@ def report(
     out: Annotated[Path | None, typer.Option("-o", "--out", help="directory [default: in the run directory]")] = None,
     ledger: Claims = None,
     only: Annotated[str, typer.Option("--only", "--estimators", help="show these estimators alone")] = "",
-    scenarios: Annotated[str, typer.Option(help="show these scenarios alone")] = "",
+    scenarios: Annotated[str, typer.Option(help="show these scenarios alone; packet-drop is all of that name")] = "",
     baseline: Annotated[str, typer.Option(help="what all others are compared with [default: that of the run]")] = "",
     paper: Annotated[bool, typer.Option("--paper", help="figures, LaTeX tables and .bib, instead of the page")] = False,
     figures: Annotated[str, typer.Option(help="of the paper: rmse, anees, bytes, seconds")] = "",

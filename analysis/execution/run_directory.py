@@ -421,7 +421,8 @@ def select(
 ) -> StoredRun:
     """Return the part of a run with these estimators and scenarios alone, compared with `baseline`; all where empty.
 
-    A scenario whose baseline is not among its estimators has the first of them as its baseline.
+    A scenario's name without parameters selects all that it has. A scenario whose baseline is not among its estimators
+    has the first of them as its baseline.
 
     Raises:
         BadInput: the run has no estimator or scenario of a name, or was decided against another baseline.
@@ -431,7 +432,8 @@ def select(
     there = dict.fromkeys(name for cell in cells.values() for name in cell["estimators"])
     names = {shown: name for name in there for shown in (name, shorten_labels(name))}
     asked = [*estimators, *filter(None, [baseline])]
-    for what, wanted, known in (("estimator", asked, names), ("scenario", scenarios, cells)):
+    families = {label: split_family(label.partition("[")[0])[0] for label in cells}
+    for what, wanted, known in (("estimator", asked, names), ("scenario", scenarios, [*cells, *families.values()])):
         for one in wanted:
             if one not in known:
                 near = nearest(one, list(dict.fromkeys(map(shorten_labels, known))))
@@ -441,7 +443,7 @@ def select(
     for scenario, cell in cells.items():
         mine = {name: count for name, count in cell["estimators"].items() if name in only}
         first = next((one for one in (names.get(baseline), cell["baseline"], *mine) if one in mine), "")
-        if mine and (not scenarios or scenario in scenarios):
+        if mine and (not scenarios or {scenario, families[scenario]} & {*scenarios}):
             chosen[scenario] = {**cell, "baseline": first, "estimators": mine}
     moved = any(cell["baseline"] != cells[scenario]["baseline"] for scenario, cell in chosen.items())
     if moved and run.decisions is not None:

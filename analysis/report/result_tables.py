@@ -71,11 +71,12 @@ def decision(verdict: str, look: int, trials: int) -> str:
 
 
 WHOLE_PERCENT = partial(percent, digits=0)
+NOT_COMPARABLE = "not comparable:"
 
 
 def _write_change(estimator: str, baseline: str, value: float, trial: float) -> str:
     """Write the change against the baseline; not that of the baseline itself, and not one that one trial decides."""
-    return "" if estimator == baseline else change(value) if np.isnan(trial) else "not comparable:"
+    return "baseline" if estimator == baseline else change(value) if np.isnan(trial) else NOT_COMPARABLE
 
 
 def _write_change_ends(estimator: str, baseline: str, low: float, high: float, trial: float) -> str:
@@ -147,18 +148,17 @@ def _without_standing(estimator: str, certificate: str, *rest: Any) -> str:
 WIDEST_HEAD = 18  # characters; a wider one would leave too few for the names of estimators
 
 
-def _name_baseline(estimator: str, baseline: str, *rest: float) -> str:
-    return "baseline" if estimator == baseline else _write_change(estimator, baseline, *rest)
-
-
 def _join_interval(head: str, value: TableColumn, ends: TableColumn, **layout: Any) -> TableColumn:
-    """Return one column of a value and its interval, as in "0.332 [0.254, 0.432]"; per cent are said in the head."""
+    """Return one column of a value and its interval, as in "0.332 [0.254, 0.432]"; per cent are said in the head.
+
+    A change that is not comparable is "trial 2 decides" alone, as a caption says what that means.
+    """
     of = value.of or value.keys
 
     def write(*values: Any) -> str:
         text, both = value.form(*values[: len(of)]), ends.form(*values[len(of) :])
         joined = f"{text} [{both.replace(' to ', ', ')}]" if " to " in both else f"{text} {both}".strip()
-        return joined.replace(" %", "")
+        return joined.replace(" %", "").removeprefix(NOT_COMPARABLE).strip()
 
     return number_column(head, *value.keys, of=(*of, *(ends.of or ends.keys)), form=write, **layout)
 
@@ -176,7 +176,7 @@ def essential_columns(baselines: Iterable[str], until_decided: bool) -> tuple[Ta
         *([replace(DECIDED, second_line=True)] if until_decided else ()),
         text_column("consistency"),
         _join_interval("RMSE [m]", named["rmse"], named["rmse_low"]),
-        _join_interval(f"{head} [%]", replace(versus, form=_name_baseline), named["change_low"]),
+        _join_interval(f"{head} [%]", versus, named["change_low"]),
         named["bytes"],
     )
 

@@ -47,7 +47,9 @@ from cooploc.scenarios.studies.study import Study, stream_sentence
 from cooploc.terminal.console import make_console
 
 ONE_PROCESS = "all or some of this ran in one process (--no-isolate): estimators may have disturbed each other"
-CAPTION = "in brackets: 95 % intervals over trials; bold: the lowest RMSE of those that may be called best"
+INTERVALS = "in brackets: 95 % intervals over trials; "
+BOLD = "bold: the lowest RMSE of those that may be called best"
+DECIDES = "trial ... decides: without that trial the interval would be half as wide, so the change is not comparable"
 IN_ONE_PICTURE = 12  # scenarios; `cooploc report` draws one of each experiment
 
 
@@ -128,10 +130,9 @@ def show_table(
             best = lowest_that_qualifies(one.rows)
             console.print(one.terminal(partial(_bold, best)))
             console.print()
-        bracketed = not every_column and table["rmse_low"].notna().any()
-        console.print(CAPTION if bracketed else CAPTION.partition("; ")[2], style="dim")
+        captions = [BOLD] if every_column else _captions(table)
         more = (*_legend(shown), *[words("captions")["stopped"]] * ("look" in table)) if legend else ()
-        for text in (*names.legend(table["estimator"].unique()), *more):
+        for text in (*captions, *names.legend(table["estimator"].unique()), *more):
             console.print(text, style="dim")
         if every_column and (counted := events(rows)).rows:
             console.print(counted.terminal())
@@ -150,7 +151,7 @@ def results_html(found: pd.DataFrame, rows: pd.DataFrame, folder: Path) -> str:
         text += one.notebook(strong)
     more = [f"{count_of(len(parts) - IN_ONE_PICTURE, 'scenario')} more: cl.report"] * (len(parts) > IN_ONE_PICTURE)
     below = (
-        CAPTION,
+        *_captions(table),
         *names.legend(table["estimator"].unique()),
         *more,
         *ranking.certificate_remarks(table),
@@ -158,6 +159,12 @@ def results_html(found: pd.DataFrame, rows: pd.DataFrame, folder: Path) -> str:
         *lines,
     )
     return f"{text}<p>{'<br>'.join(map(escape, below))}</p>"
+
+
+def _captions(table: pd.DataFrame) -> list[str]:
+    """Return what the cells of the essential columns mean."""
+    intervals = INTERVALS * bool(table["rmse_low"].notna().any())
+    return [intervals + BOLD, *[DECIDES] * bool(table["decisive_trial"].notna().any())]
 
 
 def _names(table: pd.DataFrame, study: Mapping[str, Any]) -> Labels:

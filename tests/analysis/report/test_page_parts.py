@@ -10,7 +10,7 @@ from made_runs import kept_from, rows_of
 
 from cooploc import scenarios
 from cooploc.analysis.metrics.compare import compare
-from cooploc.analysis.metrics.consistency import COLLAPSED, OVER_CONFIDENT
+from cooploc.analysis.metrics.consistency import COLLAPSED, LEAST_COVERAGE, OVER_CONFIDENT
 from cooploc.analysis.metrics.ranking import FEWEST_SEPARATED, SEPARATED
 from cooploc.analysis.plot import style
 from cooploc.analysis.report import html_page
@@ -84,5 +84,7 @@ def test_captions_state_the_limits_that_the_code_has():
     captions, marks = words("captions"), words("marks")
     assert f"above {OVER_CONFIDENT:g}," in captions["consistency"]
     assert f"ANEES exceeds {COLLAPSED:g}" in captions["consistency"]
-    assert marks["o"].endswith(f"above {OVER_CONFIDENT:g}")
+    assert f"above {OVER_CONFIDENT:g}," in marks["o"]
+    for text in (captions["consistency"], marks["o"], words("remarks")["over-confident"]):
+        assert f"{100 * LEAST_COVERAGE:.0f} %" in text
     assert f"below {SEPARATED:g}, over at least {FEWEST_SEPARATED} trials" in captions["board"]

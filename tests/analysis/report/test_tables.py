@@ -123,6 +123,7 @@ def test_the_baseline_is_called_so_in_its_row_and_in_the_head_where_its_name_is_
     (column,) = (c for c in essential_columns([baseline], until_decided=False) if c.head.startswith("vs "))
     assert column.head == head
     assert column.text({**row, "estimator": baseline}) == "baseline"
+    assert column.text({**row, "estimator": "other", "decisive_trial": 2.0}) == "trial 2 decides"
     assert column.text({**row, "estimator": "other"}) == "+20 [+10, +30]"
 
 
