@@ -154,7 +154,7 @@ def _about_interval(claim: Claim, found: CaseVerdict) -> list[str]:
     low, high = found.interval.low, found.interval.high
     if np.isnan(low):
         few = found.trials < statistics.LEAST_TRIALS
-        return [f"fewer than {statistics.LEAST_TRIALS} trials" if few else "the interval is unbounded"]
+        return [f"fewer than {statistics.LEAST_TRIALS} {KINDS[claim.kind].over}" if few else "the interval is unbounded"]
     direction = low > 0 if claim.size is not None and claim.size > 0 else high < 0
     if found.verdict == "undecided" and claim.kind in RELATIVE and direction:
         return ["the direction is decided, the size is not"]
@@ -255,11 +255,10 @@ class VerdictCounts(NamedTuple):
 
 
 def count_verdicts(verdicts: pd.DataFrame) -> VerdictCounts:
-    """Count the verdicts of `judge`, each case once in however many variants."""
-    verdicts = verdicts.drop_duplicates(CASE)
-    p, decided = verdicts["p"].to_numpy(float), int(verdicts["verdict"].isin(DECIDED).sum())
-    judged, stand = int((~np.isnan(p)).sum()), int(verdicts["stands"].sum())
-    expected = min(statistics.expected_false(p), (1 - statistics.LEVEL) * judged, float(decided))
+    """Count the verdicts of `judge` that have a p, each case once in however many variants."""
+    tested = verdicts[verdicts["p"].notna()].drop_duplicates(CASE)
+    judged, decided, stand = len(tested), int(tested["verdict"].isin(DECIDED).sum()), int(tested["stands"].sum())
+    expected = min(statistics.expected_false(tested["p"].to_numpy(float)), (1 - statistics.LEVEL) * judged, decided)
     return VerdictCounts(judged, decided, stand, expected)
 
 

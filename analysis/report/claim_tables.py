@@ -26,13 +26,13 @@ from cooploc.analysis.report.tables import Table, number_column, text_column, wo
 SHOWN = 3  # reasons why cases of a claim were not run
 
 
-def _stands(stands: bool, verdict: str) -> str:
-    return ("yes" if stands else "no") if verdict in DECIDED else ""
+def _stands(stands: bool, verdict: str, p: float) -> str:
+    return ("yes" if stands else "no") if verdict in DECIDED and p == p else ""
 
 
 HOLM = (
     number_column("p (Holm)", "p_holm", "p", of=("p_holm",), form=p_value),
-    text_column("stands", of=("stands", "verdict"), form=_stands),
+    text_column("stands", of=("stands", "verdict", "p_holm"), form=_stands),
 )
 
 

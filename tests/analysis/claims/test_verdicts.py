@@ -154,11 +154,15 @@ def test_every_kind_reaches_its_verdicts(claim, table, expected, value):
     assert (found["needed"] > found["trials"]) == (expected == "undecided")
 
 
-def test_a_time_is_over_parts_of_the_run_and_one_part_decides_nothing():
+def test_a_time_is_over_parts_of_the_run_and_of_one_part_only_one_far_below_the_size_decides():
     assert (verdict(timed(1), **SLOPE)["trials"], verdict(timed(1), **COST)["trials"]) == (5, 8)
     one_part = verdict(timed(1).assign(seconds=1e-4), **COST)
     assert (one_part["verdict"], one_part["trials"]) == ("undecided", 1)
     assert "fewer than 5" in one_part["remark"]
+    claim = {"id": "1", "says": "x", "kind": "time", "of": "a", "scenarios": ["s/n=3"], "size": 1.0}
+    found = judge(read({"paper": "p", "claims": [claim]}, "l"), timed(1, sizes=(3,)).assign(seconds=1e-4))
+    assert list(found["verdict"]) == ["supported"]
+    assert verdicts.count_verdicts(found)[:3] == (0, 0, 0)  # as no test was made
 
 
 @pytest.mark.parametrize(

@@ -56,6 +56,8 @@ def test_a_decided_case_says_whether_it_stands_over_all_of_them():
     table = claim_tables.cases(judged.replace({"verdict": {"supported": "undecided"}}))
     where = [column.head for column in table.columns].index("stands")
     assert [line[where] for line in table.texts()] == ["yes", "", "yes", "no"]
+    untested = claim_tables.cases(judged.assign(p_holm=float("nan")))
+    assert {line[where] for line in untested.texts()} == {""}
 
 
 def marks(ax):
