@@ -20,7 +20,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_valida
 
 from cooploc.analysis.claims.trial_table import Missing, TrialTable
 from cooploc.analysis.metrics import statistics
-from cooploc.analysis.metrics.compare import sweep
+from cooploc.analysis.metrics.compare import sweeps
 from cooploc.analysis.metrics.consistency import LEAST_COVERAGE, OVER_CONFIDENT
 from cooploc.analysis.metrics.sequential import trials_to_exclude
 from cooploc.analysis.metrics.statistics import FIXED, Interval, Stopping
@@ -227,7 +227,8 @@ def judge_growth(case: Case, claim: Claim, table: TrialTable) -> CaseVerdict:
     """
     if len(case.scenarios) < 3:
         raise Missing(f"growth needs three scenarios, the run has {', '.join(case.scenarios)}")
-    x = np.array([sweep(scenario)[2] for scenario in case.scenarios])
+    points = sweeps(case.scenarios)
+    x = np.array([points[scenario].value for scenario in case.scenarios])
     if not np.isfinite(x).all():
         raise Missing(f"{case.scenarios[int(np.argmin(np.isfinite(x)))]} sweeps no number")
     values = table.mse(*((scenario, case.of) for scenario in case.scenarios))

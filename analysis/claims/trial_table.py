@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from cooploc import estimators, scenarios
-from cooploc.analysis.metrics.compare import sweep
+from cooploc.analysis.metrics.compare import sweep_points
 from cooploc.analysis.metrics.errors import TRIAL, drop_failed, trial_means
 from cooploc.analysis.metrics.ranking import is_refused
 from cooploc.analysis.metrics.statistics import FIXED, Stopping
@@ -80,14 +80,15 @@ class TrialTable(NamedTuple):
 
     def expand_label(self, label: str) -> list[str]:
         """Return the scenario of a label, or those of the run that `family/n={3..99}` stands for, by their value."""
-        found = re.fullmatch(r"(.+)\{([^{}]+)\.\.([^{}]+)\}(.*)", label)
+        found = re.fullmatch(r"(.+[/,\[])([^=]+)=\{([^{}]+)\.\.([^{}]+)\}(.*)", label)
         known = list(dict.fromkeys(scenario for scenario, _ in self.frames))
         if found is None:
             inside = [label] if canonical(label) in known else []
         else:
-            before, low, high, after = found.groups()
-            wanted = sweep(canonical(f"{before}{low}{after}"))[:2]
-            values = {s: sweep(s)[2] for s in known if sweep(s)[:2] == wanted}
+            before, parameter, low, high, after = found.groups()
+            first = sweep_points(canonical(f"{before}{parameter}={low}{after}"))
+            wanted = [(family, name) for family, name, _ in first if name == parameter]
+            values = {s: value for s in known for *one, value in sweep_points(s) if tuple(one) in wanted}
             inside = sorted((s for s, v in values.items() if float(low) <= v <= float(high)), key=lambda s: values[s])
         if not inside:
             is_known = scenarios.REGISTRY.has(split_family(parse(label)[0])[0])

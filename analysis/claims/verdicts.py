@@ -154,7 +154,9 @@ def _about_interval(claim: Claim, found: CaseVerdict) -> list[str]:
     low, high = found.interval.low, found.interval.high
     if np.isnan(low):
         few = found.trials < statistics.LEAST_TRIALS
-        return [f"fewer than {statistics.LEAST_TRIALS} {KINDS[claim.kind].over}" if few else "the interval is unbounded"]
+        return [
+            f"fewer than {statistics.LEAST_TRIALS} {KINDS[claim.kind].over}" if few else "the interval is unbounded"
+        ]
     direction = low > 0 if claim.size is not None and claim.size > 0 else high < 0
     if found.verdict == "undecided" and claim.kind in RELATIVE and direction:
         return ["the direction is decided, the size is not"]

@@ -4,7 +4,8 @@ To add a statistic, write one entry in `STATISTICS`. Errors over time, and over 
 """
 
 import re
-from collections.abc import Callable, Mapping
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -312,18 +313,45 @@ def over_time(truth: Truth, run: Run, step: int = 1) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
+NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?|inf")
+
+
+class SweepPoint(NamedTuple):
+    """A value in a scenario's label that other labels may replace by another."""
+
+    family: str  # the label without the parameter
+    parameter: str  # empty: none
+    value: float  # nan: none
+
+
 def swept(table: pd.DataFrame) -> pd.DataFrame:
-    """Return the table with `family`, `parameter` and `value` of its scenarios' labels, as of `sweep`."""
-    found = [sweep(label) for label in table["scenario"]]
-    return table.assign(**dict(zip(("family", "parameter", "value"), map(list, zip(*found, strict=True)), strict=True)))
+    """Return the table with `family`, `parameter` and `value` of its scenarios' labels, as of `sweeps`."""
+    found = sweeps(table["scenario"])
+    rows = [found[label] for label in table["scenario"]]
+    return table.assign(**dict(zip(SweepPoint._fields, map(list, zip(*rows, strict=True)), strict=True)))
 
 
-def sweep(label: str) -> tuple[str, str, float]:
-    """Return family, swept parameter and value of a scenario's label, such as "packet-drop/drop=0.7".
+def sweeps(labels: Iterable[str]) -> dict[str, SweepPoint]:
+    """Return what each label sweeps: the number in which the most of these labels differ from it alone.
 
-    A label that sweeps nothing has an empty parameter and the value nan; options in brackets stay with the family.
+    Of equally many, the first; "packet-drop/drop=0.7" sweeps `drop` though it stands alone, "nlos[eta=2]" does not.
     """
-    path, written = parse(label)
-    found = re.fullmatch(r"(.+)/([^/=]+)=([-+.0-9einf]+)", path)
-    family, parameter, value = found.groups() if found else (path, "", "nan")
-    return write_label(family, written), parameter, float(value)
+    points = {label: sweep_points(label) for label in labels}
+    alike = Counter(one[:2] for found in points.values() for one in found)
+    out = {}
+    for label, found in points.items():
+        one = max(found, key=lambda point: alike[point[:2]], default=None)
+        some = one is not None and (alike[one[:2]] > 1 or one.parameter not in parse(label)[1])
+        out[label] = one if one is not None and some else SweepPoint(label, "", np.nan)
+    return out
+
+
+def sweep_points(label: str) -> list[SweepPoint]:
+    """Return the numbers of a label, that of "family/n=3" before those in brackets."""
+    path, options = parse(label)
+    before, _, last = path.rpartition("/")
+    name, _, value = last.partition("=")
+    found = [(write_label(before, options), name, value)] if before else []
+    for key, text in options.items():
+        found.append((write_label(path, {other: options[other] for other in options if other != key}), key, text))
+    return [SweepPoint(family, name, float(text)) for family, name, text in found if NUMBER.fullmatch(text)]

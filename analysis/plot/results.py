@@ -30,7 +30,20 @@ from cooploc.estimators.errors import BadInput
 Pens = Mapping[str, Pen]
 Short = Callable[[str], str]  # from an estimator's label to its name in a figure
 RMSE = "position RMSE [m]"
-SWEPT = {"n": "robots", "drop": "share of packets that are lost", "r": "radio range [m]", "a": "anchors"}  # if plainer
+SWEPT = {  # parameter -> what stands below its axis, where that is plainer
+    "n": "robots",
+    "a": "anchors",
+    "drop": "share of packets that are lost",
+    "r": "radio range [m]",
+    "radio_range": "radio range [m]",
+    "eta": "path-loss exponent",
+    "assumed.eta": "assumed path-loss exponent",
+    "shadowing": "sd of shadowing [dB]",
+    "prior_sigma": "sd of the prior position [m]",
+    "odometry_sigma": "sd of odometry per axis and step [m]",
+    "ticks": "duration [ticks]",
+    "prior_heading": "no compass: sd of the prior heading [rad]",
+}
 NAMES = {"anees": "ANEES (1 is consistent)", "bytes": "bytes per robot and tick", "seconds": "µs per robot and tick"}
 LEAST = 3  # values from which a sweep is drawn as lines without being asked for
 TOGETHER = 6  # estimators that can still be distinguished in one panel

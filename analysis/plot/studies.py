@@ -13,7 +13,7 @@ from cooploc.analysis.claims.kinds import RELATIVE
 from cooploc.analysis.claims.ledger import BASE
 from cooploc.analysis.formats import count_of
 from cooploc.analysis.plot import style
-from cooploc.analysis.plot.results import draw_curves
+from cooploc.analysis.plot.results import SWEPT, draw_curves
 from cooploc.analysis.plot.style import draw_marker, draw_rmse, set_log_scale, span
 from cooploc.estimators.errors import BadInput, nearest
 
@@ -79,14 +79,6 @@ def information(table: pd.DataFrame) -> Axes:
 
 # ------------------------------------------------------------------------------------------------ sensitivity
 
-PARAMETERS = {  # parameter -> what stands below its panel
-    "prior_sigma": "sd of the prior position [m]",
-    "odometry_sigma": "sd of odometry per axis and step [m]",
-    "ticks": "duration [ticks]",
-    "particles": "particles",
-    "assumed.eta": "assumed path-loss exponent",
-    "prior_heading": "no compass: sd of the prior heading [rad]",
-}
 MARGIN = 1.4  # of the scale beyond the smallest and largest error; wide bands leave the axes
 WIDE = {"sensitivity": 4, "tuning": 20}  # values over more than this factor have a logarithmic axis
 
@@ -109,7 +101,7 @@ def sensitivity(table: pd.DataFrame) -> Axes:
             ax.xaxis.set_minor_locator(NullLocator())
             ax.set_xticks(values, [f"{value:g}" for value in values])
         ylabel = "position RMSE [m]" if k % 2 == 0 else ""
-        style.finish(ax, PARAMETERS.get(parameter, parameter), ylabel, grid="both")
+        style.finish(ax, SWEPT.get(parameter, parameter), ylabel, grid="both")
     low, high = span(table, "rmse", "floor")
     if low > 0:
         axes[0].set_ylim(low / MARGIN, high * MARGIN)

@@ -174,10 +174,10 @@ def draw_rmse(ax: Axes, place: float, row: Row, pen: Pen, vertical: bool = True)
 
 
 def draw_curve(ax: Axes, rows: pd.DataFrame, x: str, pen: Pen, alpha: float = 0.15, label: str = "") -> None:
-    """Draw RMSE over `x` with its band and some 25 markers; broken where most values are over-confident."""
+    """Draw RMSE over `x` with its band and some 25 markers; solid, or broken where most values are over-confident."""
     over = (rows["consistency"] == "over-confident").to_numpy()
     first = rows.iloc[0]
-    colour, line = colour_of(first, pen), _line_of(first, BROKEN if over.mean() > 0.5 else pen.line)
+    colour, line = colour_of(first, pen), _line_of(first, BROKEN if over.mean() > 0.5 else SOLID)
     draw_band(ax, rows[x], rows["rmse_low"], rows["rmse_high"], colour, alpha)
     ax.plot(rows[x], rows["rmse"], color=colour, ls=line, lw=1.6, zorder=3)
     for row in rows.iloc[:: max(1, len(rows) // 25)].to_dict("records"):

@@ -11,7 +11,7 @@ import pandas as pd
 
 from cooploc.analysis.execution.run_directory import StoredRun
 from cooploc.analysis.formats import count_of
-from cooploc.analysis.metrics.compare import sweep
+from cooploc.analysis.metrics.compare import sweeps
 from cooploc.analysis.metrics.crlb import floors
 from cooploc.analysis.plot import style
 from cooploc.analysis.report import result_tables, run_numbers, sentences
@@ -89,7 +89,7 @@ def _parts(numbers: Numbers, every_scenario: bool, everything: bool) -> list[Pap
         drawn = single if every_scenario else run_numbers.first_middle_last(single)
         shown = {s: names for s, names in plan.items() if everything or s in drawn or s not in single}
         rows = run_numbers.rows_of_experiment(numbers.table, shown)
-        floored = [*drawn, *(label for label in shown if sweep(label)[1])]
+        floored = [*drawn, *(label for label, point in sweeps(shown).items() if point.parameter)]
         lowest = floors(floored, numbers.kept.manifest["seed"], run_numbers.FLOORED)
         parts.append(PaperPart(name, rows.assign(floor=rows["scenario"].map(lowest)), drawn))
     return parts

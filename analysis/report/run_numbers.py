@@ -1,5 +1,6 @@
 """Numbers, labels and figures of a run, from which its page and its paper are made."""
 
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
@@ -10,7 +11,7 @@ from matplotlib.figure import Figure
 from cooploc.analysis.claims.trial_table import TrialTable, collect
 from cooploc.analysis.execution.run_directory import StoredRun
 from cooploc.analysis.formats import count_of
-from cooploc.analysis.metrics.compare import compare, sweep
+from cooploc.analysis.metrics.compare import compare, sweeps
 from cooploc.analysis.metrics.sequential import ANYTIME, add_decisions
 from cooploc.analysis.metrics.statistics import FIXED
 from cooploc.analysis.plot import results, style
@@ -47,13 +48,12 @@ def rows_of_experiment(table: pd.DataFrame, plan: Mapping[str, list[str]]) -> pd
 
 def group_by_sweep(labels: list[str]) -> dict[tuple[str, str], list[str]]:
     """Return scenarios by family and swept parameter; short sweeps are with those that sweep nothing."""
-    found: dict[tuple[str, str], list[str]] = {}
-    for label in labels:
-        found.setdefault(sweep(label)[:2], []).append(label)
+    which = {label: point[:2] for label, point in sweeps(labels).items()}
+    sizes = Counter(which.values())
     out: dict[tuple[str, str], list[str]] = {}
-    for label in labels:
-        which = sweep(label)[:2]
-        out.setdefault(which if which[1] and len(found[which]) >= SWEEP else ("", ""), []).append(label)
+    for label, (family, parameter) in which.items():
+        long = parameter and sizes[family, parameter] >= SWEEP
+        out.setdefault((family, parameter) if long else ("", ""), []).append(label)
     return out
 
 

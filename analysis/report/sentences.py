@@ -15,7 +15,7 @@ import pandas as pd
 
 from cooploc.analysis.claims.trial_table import Missing, TrialTable
 from cooploc.analysis.formats import change, count_of, interval, join_words, metres, percent, ratio
-from cooploc.analysis.metrics.compare import sweep
+from cooploc.analysis.metrics.compare import sweeps
 from cooploc.analysis.metrics.consistency import OVER_CONFIDENT
 from cooploc.analysis.metrics.ranking import disqualifications, missing_checks
 from cooploc.analysis.metrics.statistics import FIXED, LEAST_TRIALS, MARGIN, Interval, Stopping
@@ -223,7 +223,8 @@ def over_confident_estimators(table: pd.DataFrame) -> str:
 
 def changes_over_sweep(scenarios: list[str], estimators: Iterable[str], results: TrialTable) -> list[SweepChange]:
     """Return how the RMSE changes over a sweep, paired by trial, of every estimator that ran at both ends."""
-    ordered = sorted(scenarios, key=lambda label: sweep(label)[2])
+    points = sweeps(scenarios)
+    ordered = sorted(scenarios, key=lambda label: points[label].value)
     out = []
     for name in estimators:
         try:
@@ -247,9 +248,7 @@ DIRECTIONS: dict[str, Callable[[Interval], bool]] = {  # words -> whether an int
 def sweep_sentence(scenarios: list[str], found: list[SweepChange], stopping: Stopping = FIXED) -> str:
     """Return the changes over a sweep in words; where the interval holds 0, no significant change."""
     judged = "95 % intervals" if stopping is FIXED else "confidence sequences"
-    ordered = sorted(scenarios, key=lambda label: sweep(label)[2])
-    family, parameter, low = sweep(ordered[0])
-    high = sweep(ordered[-1])[2]
+    (family, parameter, low), *_, (_, _, high) = sorted(sweeps(scenarios).values(), key=lambda point: point.value)
     parts = []
     for words, holds in DIRECTIONS.items():
         if not (some := [one for one in found if holds(one.share)]):

@@ -67,8 +67,9 @@ def swept(levels, noise, trials):
     return pd.concat(frames)
 
 
-def growing(last, noise):
-    return swept({k: last ** ((k - 1) / 8) for k in (1, 2, 5, 9)}, noise, 100)
+def growing(last, noise, label="s/n={}"):
+    found = swept({k: last ** ((k - 1) / 8) for k in (1, 2, 5, 9)}, noise, 100)
+    return found.assign(scenario=found["scenario"].map({f"s/n={k}": label.format(k) for k in (1, 2, 5, 9)}))
 
 
 def with_covariances(anees, coverage):
@@ -124,6 +125,7 @@ TRAFFIC = {"kind": "traffic", "of": "a", "than": "b", "scenarios": "s"}
         (GROWTH, growing(1.02, 0.005), "flat", 0.0025),  # differs from no growth, and is too small to matter
         (GROWTH, growing(1.3, 0.05), "supported", 0.033),
         (GROWTH, growing(0.7, 0.05), "contradicted", -0.044),
+        ({**GROWTH, "scenarios": "s/k=2[b=1,n={1..9}]"}, growing(1.3, 0.05, "s/k=2[n={},b=1]"), "supported", 0.033),
         (GROWTH, growing(1.05, 1.0), "undecided", 0.006),
         (CONSISTENCY, with_covariances(1.0, 0.95), "supported", 1.0),
         (CONSISTENCY, with_covariances(0.3, 0.99), "supported", 0.3),

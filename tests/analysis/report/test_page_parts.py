@@ -15,7 +15,7 @@ from cooploc.analysis.metrics.ranking import FEWEST_SEPARATED, SEPARATED
 from cooploc.analysis.plot import style
 from cooploc.analysis.report import html_page
 from cooploc.analysis.report.result_tables import failures, parameter_text, scenario_tables
-from cooploc.analysis.report.run_numbers import numbers_of
+from cooploc.analysis.report.run_numbers import group_by_sweep, numbers_of
 from cooploc.analysis.report.tables import read_toml, words
 from cooploc.estimators import BUILTIN, make
 
@@ -88,3 +88,10 @@ def test_captions_state_the_limits_that_the_code_has():
     for text in (captions["consistency"], marks["o"], words("remarks")["over-confident"]):
         assert f"{100 * LEAST_COVERAGE:.0f} %" in text
     assert f"below {SEPARATED:g}, over at least {FEWEST_SEPARATED} trials" in captions["board"]
+
+
+def test_scenarios_that_differ_in_three_numbers_alone_are_a_sweep():
+    grid = [f"a/n={n}[x={x}]" for n in (1, 2) for x in (1, 2, 3)]
+    labels = [*grid, "b[x=1]", "b[x=2]", "c"]
+    expected = {("a/n=1", "x"): grid[:3], ("a/n=2", "x"): grid[3:], ("", ""): ["b[x=1]", "b[x=2]", "c"]}
+    assert group_by_sweep(labels) == expected
