@@ -313,21 +313,21 @@ def over_time(truth: Truth, run: Run, step: int = 1) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?|inf")
+NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?")
 
 
 class SweepPoint(NamedTuple):
-    """A value in a scenario's label that other labels may replace by another."""
+    """A value in a label that other labels may replace by another."""
 
     family: str  # the label without the parameter
     parameter: str  # empty: none
     value: float  # nan: none
 
 
-def swept(table: pd.DataFrame) -> pd.DataFrame:
-    """Return the table with `family`, `parameter` and `value` of its scenarios' labels, as of `sweeps`."""
-    found = sweeps(table["scenario"])
-    rows = [found[label] for label in table["scenario"]]
+def swept(table: pd.DataFrame, column: str = "scenario") -> pd.DataFrame:
+    """Return the table with `family`, `parameter` and `value` of the labels in a column, as of `sweeps`."""
+    found = sweeps(table[column])
+    rows = [found[label] for label in table[column]]
     return table.assign(**dict(zip(SweepPoint._fields, map(list, zip(*rows, strict=True)), strict=True)))
 
 

@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter
+from matplotlib.ticker import FuncFormatter, NullLocator
 
 from cooploc.analysis.formats import count_of
 from cooploc.analysis.metrics.compare import swept
@@ -26,6 +26,7 @@ from cooploc.analysis.metrics.statistics import LEAST_TRIALS
 from cooploc.analysis.plot import style
 from cooploc.analysis.plot.style import DOTTED, PAGE, Pen, Row, Style, draw_marker, name_of, set_log_scale, span
 from cooploc.estimators.errors import BadInput
+from cooploc.estimators.interface import Array
 
 Pens = Mapping[str, Pen]
 Short = Callable[[str], str]  # from an estimator's label to its name in a figure
@@ -59,7 +60,8 @@ def rmse(errors: pd.DataFrame, ax: Axes | None = None, floors: Mapping[str, floa
 
     Hollow markers are over-confident: their 95 % ellipses hold fewer true positions than they promise. Centralised
     estimators are grey. In a new figure many estimators in few scenarios are rows with their names. Three labels or
-    more such as "packet-drop/drop=0.7" that differ in their value alone are drawn as a sweep, with lines.
+    more such as "packet-drop/drop=0.7" or "mrsl-rssi[particles=50]", that differ in their value alone, are drawn as a
+    sweep, with lines.
 
     Args:
         errors: from `cl.errors` or `cl.sweep`.
@@ -69,7 +71,8 @@ def rmse(errors: pd.DataFrame, ax: Axes | None = None, floors: Mapping[str, floa
     """
     table = style.summarize_for_figures(errors)
     table["floor"] = table["scenario"].map(dict(floors or {}))
-    along, names = _sweep(table), list(dict.fromkeys(table["estimator"]))
+    along = _sweep(table)
+    names = list(dict.fromkeys((table if along is None else along)["estimator"]))
     pens, height = style.session_pens(names), max(4.0, 0.6 + 0.2 * len(names))
     over_confident = bool((table["consistency"] == "over-confident").any())
     if along is not None:
@@ -196,8 +199,8 @@ def _height(medium: Style) -> float:
 
 
 def sweep_panels(part: pd.DataFrame, pens: Pens, short: Short, medium: Style = PAGE) -> Figure:
-    """Draw RMSE over what the scenarios sweep; of many estimators a panel for each method, among all others in grey."""
-    part = swept(part).sort_values("value", kind="stable")
+    """Draw RMSE over what rows of `swept` sweep; of many estimators a panel for each method, the others in grey."""
+    part = part.sort_values("value", kind="stable")
     names = [name for name in pens if name in set(part["estimator"])]
     methods = [list(mine) for _, mine in groupby(sorted(names, key=_method), _method)]
     methods.sort(key=lambda mine: names.index(mine[0]))
@@ -341,11 +344,19 @@ def draw_curves(
     set_log_scale(ax.yaxis, low, high)
     if low > 0:  # the same for every panel, though a band may reach beyond
         ax.set_ylim(0.8 * low, 1.25 * high)
-    values = sorted(set(part["value"]))
+    values = places = np.unique(part["value"])
+    if values[0] > 0 and len(values) > 2 and _evenness(np.log(values)) > _evenness(values):
+        places = np.log(values)
+        ax.set_xscale("log")
+        ax.xaxis.set_minor_locator(NullLocator())
     if len(values) <= 8:
-        apart = 0.07 * (values[-1] - values[0])  # closer ones would be written over each other
-        said = [value for value, after in zip(values, [*values[1:], np.inf], strict=True) if after - value >= apart]
-        ax.set_xticks(values, [f"{value:g}" if value in said else "" for value in values])
+        apart = np.diff(places, append=np.inf) >= 0.07 * np.ptp(places)  # others would be written over each other
+        ax.set_xticks(values, [f"{value:g}" * bool(far) for value, far in zip(values, apart, strict=True)])
+
+
+def _evenness(values: Array) -> float:
+    """Return the smallest distance of neighbours as a share of the whole range."""
+    return float(np.diff(values).min() / np.ptp(values))
 
 
 MOST_ANEES = 1e4  # beyond it a mark stands at the edge, with its number
@@ -391,10 +402,16 @@ def _add_keys(ax: Axes, table: pd.DataFrame, pens: Pens, name: Callable[[Any], s
 
 
 def _sweep(table: pd.DataFrame) -> pd.DataFrame | None:
-    """Return the table with `family`, `parameter` and `value` where its labels sweep one parameter; else None."""
-    read = swept(table)
-    one = read["parameter"].iloc[0] and len(read[["family", "parameter"]].drop_duplicates()) == 1
-    return read if one and read["value"].nunique() >= LEAST else None
+    """Return the table with `family`, `parameter` and `value` where its labels sweep one parameter; else None.
+
+    Of a sweep of estimators, each has the name that its family has.
+    """
+    estimators = swept(table, "estimator")
+    for read in (swept(table), estimators.assign(estimator=estimators["family"], family=table["scenario"])):
+        one = read["parameter"].iloc[0] and len(read[["family", "parameter"]].drop_duplicates()) == 1
+        if one and read["value"].nunique() >= LEAST:
+            return read
+    return None
 
 
 def _about_trials(table: pd.DataFrame) -> str:

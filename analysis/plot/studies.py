@@ -7,7 +7,6 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
-from matplotlib.ticker import NullLocator
 
 from cooploc.analysis.claims.kinds import RELATIVE
 from cooploc.analysis.claims.ledger import BASE
@@ -80,7 +79,7 @@ def information(table: pd.DataFrame) -> Axes:
 # ------------------------------------------------------------------------------------------------ sensitivity
 
 MARGIN = 1.4  # of the scale beyond the smallest and largest error; wide bands leave the axes
-WIDE = {"sensitivity": 4, "tuning": 20}  # values over more than this factor have a logarithmic axis
+WIDE = 20  # values over more than this factor have a logarithmic axis
 
 
 def sensitivity(table: pd.DataFrame) -> Axes:
@@ -95,11 +94,6 @@ def sensitivity(table: pd.DataFrame) -> Axes:
         part = table[table["parameter"] == parameter]
         draw_curves(ax, part, style.session_pens(part["estimator"]), alpha=0.12)
         ax.axvline(part["preset"].iloc[0], color="0.5", ls=style.BROKEN, lw=1, zorder=0)
-        values = np.unique(part["value"])
-        if values[0] > 0 and values[-1] > WIDE["sensitivity"] * values[0]:
-            ax.set_xscale("log")
-            ax.xaxis.set_minor_locator(NullLocator())
-            ax.set_xticks(values, [f"{value:g}" for value in values])
         ylabel = "position RMSE [m]" if k % 2 == 0 else ""
         style.finish(ax, SWEPT.get(parameter, parameter), ylabel, grid="both")
     low, high = span(table, "rmse", "floor")
@@ -163,7 +157,7 @@ def _draw_gains(ax: Axes, part: pd.DataFrame, column: str, colour: str) -> None:
         values = words.map(kinds.index).astype(float)
         ax.set_xticks(range(len(kinds)), kinds)
         ax.set_xlim(-0.5, len(kinds) - 0.5)
-    elif values.min() > 0 and values.max() > WIDE["tuning"] * values.min():
+    elif values.min() > 0 and values.max() > WIDE * values.min():
         set_log_scale(ax.xaxis, float(values.min()), float(values.max()))
     for state, face in ((part["state"] == "finished", colour), (part["state"] != "finished", "white")):
         ax.plot(values[state], part["gain"][state], "o", color=colour, mfc=face, ms=5)

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from cooploc.analysis.claims.trial_table import TrialTable, collect
 from cooploc.analysis.execution.run_directory import StoredRun
 from cooploc.analysis.formats import count_of
-from cooploc.analysis.metrics.compare import compare, sweeps
+from cooploc.analysis.metrics.compare import compare, sweeps, swept
 from cooploc.analysis.metrics.sequential import ANYTIME, add_decisions
 from cooploc.analysis.metrics.statistics import FIXED
 from cooploc.analysis.plot import results, style
@@ -55,6 +55,14 @@ def group_by_sweep(labels: list[str]) -> dict[tuple[str, str], list[str]]:
         long = parameter and sizes[family, parameter] >= SWEEP
         out.setdefault((family, parameter) if long else ("", ""), []).append(label)
     return out
+
+
+def rows_of_estimator_sweeps(rows: pd.DataFrame) -> dict[str, pd.DataFrame]:
+    """Return the rows of one scenario whose estimators sweep a parameter, by it: each with its family's name."""
+    read = swept(rows, "estimator")
+    lengths = read.groupby(["family", "parameter"])["value"].transform("size")
+    long = read[(read["parameter"] != "") & (lengths >= SWEEP)]
+    return {str(name): part for name, part in long.groupby("parameter", sort=False)}
 
 
 def first_middle_last(labels: list[str]) -> list[str]:
@@ -101,19 +109,24 @@ def draw_experiment(
 ) -> Iterator[RunFigure]:
     """Draw rows of `compare` with floors: every sweep, the scenarios `drawn` side by side, and those `costly` by cost.
 
-    A `kind` of figure is drawn alone: "rmse", or one of `OTHERS`.
+    A sweep of estimators is drawn in the `costly`, too. A `kind` of figure is drawn alone: "rmse", or one of `OTHERS`.
     """
     ended = dict(list(rows[rows["rmse"].notna()].groupby("scenario", sort=False)))
     labels, several = list(dict.fromkeys(rows["scenario"])), medium.width > 4
     for (family, parameter), group in group_by_sweep(labels).items() if kind in ("", "rmse") else ():
         part = rows[rows["scenario"].isin(group)]
         if parameter and part["rmse"].notna().any():
-            figure = results.sweep_panels(part, pens, names.shorten, medium)
+            figure = results.sweep_panels(swept(part), pens, names.shorten, medium)
             yield RunFigure(figure, [family, parameter], OVER.format(parameter, family, HOLLOW), part)
     shown, across = [label for label in drawn if label in ended], 3 if several else 1
     for i in range(0, len(shown), across) if kind in ("", "rmse") else ():
         parts = [ended[label] for label in shown[i : i + across]]
         yield RunFigure(results.ranking(parts, pens, names.shorten, medium), ["rmse", shown[i]], DOTS, pd.concat(parts))
+    for label in filter(ended.__contains__, costly if kind == "" else ()):
+        for parameter, part in rows_of_estimator_sweeps(ended[label]).items():
+            own = style.pens(map(str, part["family"]))
+            figure = results.sweep_panels(part.assign(estimator=part["family"]), own, names.shorten, medium)
+            yield RunFigure(figure, [parameter, label], OVER.format(parameter, label, HOLLOW), part)
     for label in filter(ended.__contains__, costly if kind != "rmse" else ()):
         for others in [(kind,)] if kind else [tuple(OTHERS)] if several else [(other,) for other in OTHERS]:
             figure = results.scatter(ended[label], others, pens, names.shorten, medium)

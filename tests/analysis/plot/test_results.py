@@ -54,6 +54,16 @@ def test_a_sweep_is_drawn_as_lines_and_other_scenarios_side_by_side():
     assert (beside.get_xlabel(), len(beside.get_xticklabels())) == ("", 4)
 
 
+def test_a_parameter_of_estimators_is_swept_too_on_the_scale_where_its_values_are_more_even():
+    ax = cl.plot.rmse(rows_of("nlos", {f"{name}[particles={n}]": (1.0, 1.0) for name in "ab" for n in (50, 200, 800)}))
+    assert ax.get_legend_handles_labels()[1] == ["a", "b"]
+    assert (ax.get_xlabel(), ax.get_xscale()) == ("particles", "log")
+    assert [text.get_text() for text in ax.get_xticklabels()] == ["50", "200", "800"]
+    even = cl.plot.rmse(pd.concat([rows_of(f"nlos[eta={eta}]", TEAM) for eta in (2, 3, 4)]))
+    assert (even.get_xlabel(), even.get_xscale()) == ("path-loss exponent", "linear")
+    plt.close("all")
+
+
 @pytest.mark.slow
 def test_the_labels_of_many_scenarios_do_not_overlap():
     ax = cl.plot.rmse(pd.concat([rows_of(f"robots-1-3/n={i}[ticks=50,drop=0.{i}]", TEAM) for i in range(1, 25)]))

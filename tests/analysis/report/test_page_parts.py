@@ -15,7 +15,7 @@ from cooploc.analysis.metrics.ranking import FEWEST_SEPARATED, SEPARATED
 from cooploc.analysis.plot import style
 from cooploc.analysis.report import html_page
 from cooploc.analysis.report.result_tables import failures, parameter_text, scenario_tables
-from cooploc.analysis.report.run_numbers import group_by_sweep, numbers_of
+from cooploc.analysis.report.run_numbers import group_by_sweep, numbers_of, rows_of_estimator_sweeps
 from cooploc.analysis.report.tables import read_toml, words
 from cooploc.estimators import BUILTIN, make
 
@@ -95,3 +95,6 @@ def test_scenarios_that_differ_in_three_numbers_alone_are_a_sweep():
     labels = [*grid, "b[x=1]", "b[x=2]", "c"]
     expected = {("a/n=1", "x"): grid[:3], ("a/n=2", "x"): grid[3:], ("", ""): ["b[x=1]", "b[x=2]", "c"]}
     assert group_by_sweep(labels) == expected
+    rows = pd.DataFrame({"estimator": ["a[x=1]", "a[x=2]", "a[x=3]", "b[x=1]", "b[x=2]", "c", "d[y=1]"]})
+    ((parameter, found),) = rows_of_estimator_sweeps(rows).items()
+    assert (parameter, found["family"].tolist(), found["value"].tolist()) == ("x", ["a"] * 3, [1.0, 2.0, 3.0])
