@@ -54,14 +54,17 @@ KINDS = ("estimators", "scenarios", "studies", "problems")
 
 
 @app.command(name="list")
-def list_(kind: Annotated[str, typer.Argument(help=f"{', '.join(KINDS)} [default: all of them]")] = "") -> None:
-    """List estimators, scenarios, studies or problems to name."""
-    if kind and kind not in KINDS:
-        from cooploc.estimators.errors import nearest
+def list_(
+    what: Annotated[str, typer.Argument(help=f"{', '.join(KINDS)} [default: all of them], or one name of these")] = "",
+) -> None:
+    """List estimators, scenarios, studies and problems, or say what one is."""
+    from cooploc.terminal.names import show_list, show_name
 
-        raise cl.BadInput(f"there is no list of {kind!r}; {nearest(kind, list(KINDS))}")
-    for one in [kind] if kind else KINDS:
-        terminal.tables.show_list(one, getattr(cl, f"list_{one}")())
+    if what and what not in KINDS:
+        show_name(what)
+        return
+    for one in [what] if what else KINDS:
+        show_list(one, getattr(cl, f"list_{one}")())
     typer.echo("next: cooploc run quick --estimators arl,ekf-ci, or another study, or a problem")
 
 

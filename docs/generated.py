@@ -14,6 +14,7 @@ import cooploc as cl
 from cooploc.cli import app
 from cooploc.estimators import BUILTIN
 from cooploc.scenarios.runner.trace import trace
+from cooploc.terminal.names import about_estimator
 
 TO_A_FILE = r"\[([^]]*)\]\((?:[^)]*\.(?:html|json|csv|py|pdf)|tables/[^)]*)\)"  # not a page: the text is enough
 ROOT = Path(__file__).resolve().parents[1]
@@ -35,6 +36,7 @@ def write(folder: Path) -> None:
     for name, (title, about, columns) in LISTS.items():
         (folder / f"{name}.md").write_text(f"# {title}\n\n{about}\n\n{_table(name, columns)}\n", encoding="utf-8")
     (folder / "figures.md").write_text(figures(), encoding="utf-8")
+    (folder / "parameters.md").write_text(parameters(), encoding="utf-8")
     for notebook in sorted((ROOT / "notebooks").glob("*.ipynb")):
         shutil.copy(notebook, folder / notebook.name)
     for kept in (ROOT / "reports").rglob("*"):
@@ -65,6 +67,13 @@ def figures() -> str:
         f"```{{eval-rst}}\n.. autofunction:: cooploc.analysis.plot.{name}\n```" for name in dir(cl.plot)
     )
     return f"# Figures\n\n`cl.plot.NAME`; each takes and returns matplotlib `Axes`.\n\n{shown}\n"
+
+
+def parameters() -> str:
+    """What `cooploc list NAME` says of every built-in estimator."""
+    texts = {name: "\n".join(about_estimator(name)).strip() for name in BUILTIN}
+    shown = "\n\n".join(f"## {name}\n\n```text\n{text}\n```" for name, text in texts.items())
+    return f'# Parameters of estimators\n\n`cooploc list NAME`, or `cl.show("NAME")`.\n\n{shown}\n'
 
 
 def _table(kind: str, columns: list[str]) -> str:

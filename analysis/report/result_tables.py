@@ -330,14 +330,22 @@ def scenario_tables(table: pd.DataFrame, settings: Mapping[str, Mapping[str, Any
     for name in names:
         for key, value in settings.get(name, {}).items():
             values.setdefault(key, Counter())[parameter_text(value)] += 1
-    lines: list[Row] = []
-    known = read_toml("parameters.toml")
-    for key, found in values.items():
-        counted = "; ".join(value if n == len(names) else f"{value} ({n})" for value, n in found.items())
-        lines.append({"parameter": key, "value": counted, "unit": "", "meaning": "", **known.get(key, {})})
-    texts = tuple(map(text_column, ("parameter", "value", "unit", "meaning")))
+    counted = {
+        key: "; ".join(value if n == len(names) else f"{value} ({n})" for value, n in found.items())
+        for key, found in values.items()
+    }
     both = [Table("scenarios", words("captions")["scenarios"], heads, rows, {"data-scenario": "scenario"})]
-    return both + [Table("parameters", words("captions")["parameters"], texts, lines)] * bool(lines)
+    return both + [parameter_table(counted, words("captions")["parameters"])] * bool(counted)
+
+
+def parameter_table(values: Mapping[str, str], caption: str) -> Table:
+    """Return parameters of scenarios with their values, units and meanings."""
+    known = read_toml("parameters.toml")
+    rows: list[Row] = [
+        {"parameter": key, "value": value, "unit": "", "meaning": "", **known.get(key, {})}
+        for key, value in values.items()
+    ]
+    return Table("parameters", caption, tuple(map(text_column, ("parameter", "value", "unit", "meaning"))), rows)
 
 
 def parameter_text(value: Any) -> str:

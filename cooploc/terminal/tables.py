@@ -45,6 +45,7 @@ from cooploc.scenarios.conformance import FIRST, Report
 from cooploc.scenarios.recordings.scenario import NO_ORDER
 from cooploc.scenarios.studies.study import Study, stream_sentence
 from cooploc.terminal.console import make_console
+from cooploc.terminal.names import is_name, show_name
 
 ONE_PROCESS = "all or some of this ran in one process (--no-isolate): estimators may have disturbed each other"
 INTERVALS = "in brackets: 95 % intervals over trials; "
@@ -240,10 +241,11 @@ def show(what: str | PathLike[str] | pd.DataFrame, ledger: str | Path | None = N
     """Print what a run, by its directory or its `Results`, holds, what is missing, and what failed and why.
 
     A table of `cl.verdicts`, with the `ledger` that it was judged by, or of `cl.compare` with full=True is printed as
-    the command line prints it.
+    the command line prints it. Of the name of an estimator or a scenario its parameters are printed, with what they
+    mean, of that of a study its file.
 
     Raises:
-        BadInput: it is neither a run nor one of these tables.
+        BadInput: it is neither a run nor one of these tables or names.
 
     """
     if isinstance(what, pd.DataFrame):
@@ -256,6 +258,9 @@ def show(what: str | PathLike[str] | pd.DataFrame, ledger: str | Path | None = N
         return
     if not isinstance(what, str | PathLike):
         raise BadInput(f"this is of type {type(what).__name__}: {SHOWN}")
+    if isinstance(what, str) and not Path(what).exists() and is_name(what):
+        show_name(what)
+        return
     held, console = read_run(what, empty=True), make_console()
     manifest, decisions, certificates = held.manifest, held.decisions, held.manifest["certificates"]
     verdicts = {(one["scenario"], one["estimator"]): one for one in (decisions or {"comparison": []})["comparison"]}
@@ -439,38 +444,6 @@ def show_checks(report: Report) -> None:
     console.print(frame("checks", pd.DataFrame(found)).terminal())
     console.print(report.summary())
     console.print(f"next: {go_on if report.passed else 'correct what failed, and check again'}")
-
-
-NOTES = (
-    '  uses: of "a or b" the first that a scenario has; a? is used where it is there\n'
-    "  with hindsight, from Python alone: cl.Smoother(), offline: neither ranked nor best"
-)
-NAMED = {"published": "to its letter", "best": "at its best"}
-ROLES = {"offline": "offline: neither ranked nor best", "bound": "a bound", "centralised": "centralised"}
-
-
-def show_list(kind: str, listed: pd.DataFrame) -> None:
-    """Print the table of `cl.list_estimators()`, or of another kind, then plug-ins that cannot be used."""
-    broken = listed["problem"] != "" if "problem" in listed else pd.Series(False, listed.index)
-    rows, console = [], make_console()
-    for row in listed[~broken].to_dict("records"):
-        shown: dict[Any, Any] = {"name": row.get("labels", row["name"])}
-        if kind == "studies":
-            shown["takes"] = duration(60 * row["minutes"]) if row["minutes"] > 0 else ""
-        notes = [f"({text})" for key, text in ROLES.items() if row.get(key)][:1]
-        other = {word: row[key] for key, word in NAMED.items() if row.get(key, row["name"]) != row["name"]}
-        notes += [f"{word}: {label.replace(',', ', ')}." for word, label in other.items()]  # it breaks at spaces
-        shown["what it is"] = " ".join([row["about"], *notes])
-        shown |= {key: row[key] for key in ("trials", "seed") if key in row}
-        shown |= {"uses": row["uses"].replace("|", " or ")} if "uses" in row else {}
-        if "streams" in row:
-            hashes = {name: [one] if isinstance(one, str) else one for name, one in row["streams"].items()}
-            shown["streams"] = ", ".join(f"{name} {' or '.join(some)}" for name, some in hashes.items())
-        rows.append(shown)
-    console.print(frame(kind, pd.DataFrame(rows)).terminal())
-    for row in listed[broken].to_dict("records"):
-        console.print(f"  {row['name']}: not usable, {row['problem']}")
-    console.print(f"{NOTES}\n" if kind == "estimators" else "")
 
 
 MOST = 40  # rows of a table; `cl.inspect` has all

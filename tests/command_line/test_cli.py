@@ -8,6 +8,7 @@ from functools import partialmethod
 import pytest
 from processes import HANGS, inside
 
+import cooploc as cl
 from cooploc.terminal.console import PlainConsole
 
 SMALL = 'trials = 6\nbaseline = "arl"\nscenarios = ["trajectory[ticks=10]"]\nestimators = ["arl", "ekf-joint"]\n'
@@ -69,7 +70,8 @@ def test_json_is_the_only_thing_on_stdout_and_has_the_fields_of_the_csv_file(ran
         (["tune", "mrclam", "--budget", "9"], "is a recording"),
         (["check", "arll"], "did you mean 'arl'?"),
         (["check", "mine.py:Mine"], "mine.py"),
-        (["list", "things"], "things"),
+        (["list", "things"], "nothing is called 'things'"),
+        (["list", "trajectori"], "did you mean 'trajectory'"),
         (["fly"], "No such command 'fly'"),
         (["report", "nowhere"], "nowhere holds no run"),
         (["report", "small.toml"], "small.toml exists and is not a run directory"),
@@ -104,6 +106,28 @@ def test_check_passes_a_builtin_and_fails_a_broken_file(place):
 def test_a_list_in_a_pipe_is_as_wide_as_a_page(tmp_path):
     lines = inside("list", "estimators", cwd=tmp_path).stdout.splitlines()
     assert 80 < max(map(len, lines)) <= 100
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        (
+            "ctrn[criterion=det]",
+            ("estimator ctrn", "weights: ", "criterion=det, ", "odometry, anchor_rssi or", "Wiktor"),
+        ),
+        ("packet-drop", ("five robots that lose", "share of packets", "study packet-drop", "drop={0,0.3,0.5,")),
+        ("robots-1-3/n=2[eta=2]", (" robots              2 ", " eta                 2 ", "path-loss exponent")),
+        ("mrclam/one", ("five real robots", " sigma_bearing   0.02   rad ")),
+        ("arena-3@1", ("5a514eeed05fa98c",)),
+        ("dead-reckoning", ("values: it has no parameters",)),
+    ],
+)
+def test_a_name_is_explained_with_its_parameters(name, said, tmp_path, monkeypatch, capsys):
+    told = inside("list", name, cwd=tmp_path).stdout
+    assert all(words in told for words in said), told
+    monkeypatch.chdir(tmp_path)
+    cl.show(name)
+    assert capsys.readouterr().out == told
 
 
 @pytest.mark.parametrize(
