@@ -70,6 +70,10 @@ def decision(verdict: str, look: int, trials: int) -> str:
     return f"{verdict}{', stopped' * stopped} at n = {look}"
 
 
+def _short_decision(verdict: str, look: int, trials: int) -> str:
+    return f"{verdict}, n = {look}" * bool(verdict)
+
+
 WHOLE_PERCENT = partial(percent, digits=0)
 NOT_COMPARABLE = "not comparable:"
 
@@ -173,8 +177,8 @@ def essential_columns(baselines: Iterable[str], until_decided: bool) -> tuple[Ta
         named["estimator"],
         replace(remarks, keys=("failed",), of=others, form=_without_standing),
         replace(named["certificate"], second_line=True),
-        *([replace(DECIDED, second_line=True)] if until_decided else ()),
         text_column("consistency"),
+        *([replace(DECIDED, form=_short_decision, second_line=True)] if until_decided else ()),
         _join_interval("RMSE [m]", named["rmse"], named["rmse_low"]),
         _join_interval(f"{head} [%]", versus, named["change_low"]),
         named["bytes"],

@@ -177,7 +177,7 @@ def _break_label(text: str, width: int) -> str:
     """Return a long label in lines that begin with its bracket or after a comma; any other text as it is."""
     if len(text) <= width or " " in text:
         return text
-    lines = wrap(text.replace(",", ", ").replace("[", " ["), width, break_long_words=False)
+    lines = wrap(text.replace(",", ", ").replace("[", " ["), width, break_long_words=False, break_on_hyphens=False)
     return "\n".join(lines).replace(", ", ",").replace(" [", "[")
 
 
