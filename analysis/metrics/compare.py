@@ -332,17 +332,16 @@ def swept(table: pd.DataFrame, column: str = "scenario") -> pd.DataFrame:
 
 
 def sweeps(labels: Iterable[str]) -> dict[str, SweepPoint]:
-    """Return what each label sweeps: the number in which the most of these labels differ from it alone.
+    """Return what each label sweeps: the number in which the most labels differ alone, of equally many the first.
 
-    Of equally many, the first; "packet-drop/drop=0.7" sweeps `drop` though it stands alone, "nlos[eta=2]" does not.
+    A label that differs from all others in more than a number has no parameter, and is its own family.
     """
     points = {label: sweep_points(label) for label in labels}
     alike = Counter(one[:2] for found in points.values() for one in found)
     out = {}
     for label, found in points.items():
         one = max(found, key=lambda point: alike[point[:2]], default=None)
-        some = one is not None and (alike[one[:2]] > 1 or one.parameter not in parse(label)[1])
-        out[label] = one if one is not None and some else SweepPoint(label, "", np.nan)
+        out[label] = one if one is not None and alike[one[:2]] > 1 else SweepPoint(label, "", np.nan)
     return out
 
 

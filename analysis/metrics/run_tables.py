@@ -7,14 +7,14 @@ each swept parameter.
 from functools import cache
 from typing import Any, NamedTuple
 
+import numpy as np
 import pandas as pd
 
-from cooploc.analysis.metrics.compare import compare
+from cooploc.analysis.metrics.compare import compare, sweeps, swept
 from cooploc.analysis.metrics.crlb import floors, pooled_floor
 from cooploc.analysis.metrics.errors import CELL
-from cooploc.estimators import configure, make, parse
+from cooploc.estimators import configure, make
 from cooploc.estimators.errors import BadInput
-from cooploc.estimators.label_syntax import write_label
 from cooploc.scenarios import ASSUMED, resolve
 
 OWN = {"none": (), "doa": ("anchor_doa",), "gradient": ("anchor_gradient",), "rssi": ("anchor_rssi",)}
@@ -104,37 +104,11 @@ def _against_alone(rows: pd.DataFrame, cells: dict[int, MatrixCell]) -> pd.DataF
 
 # ---- sensitivity
 
-OF_ESTIMATORS = "particles"  # the parameter of estimators that makes a panel
 SENSITIVITY_COLUMNS = (
     *("parameter", "value", "preset", "estimator", "scenario", "robots", "trials", "rmse", "rmse_low", "rmse_high"),
     *("floor", "anees", "anees_low", "anees_high", "consistency", "centralised", "bound", "certificate"),
     *("change", "change_low", "change_high"),
 )
-
-
-class Sweep(NamedTuple):
-    """The swept parameter of a row of a run."""
-
-    scenario: str  # without what is swept
-    parameter: str
-    value: float
-    estimator: str  # without what is swept
-
-
-@cache
-def parse_sweep(scenario: str, estimator: str) -> Sweep | None:
-    """Return what a row of a run sweeps: the one number in brackets of its scenario, or its estimator's `particles`."""
-    path, written = parse(scenario)
-    for parameter, value in written.items() if len(written) == 1 else ():
-        try:
-            return Sweep(path, parameter, float(value), estimator)
-        except ValueError:
-            return None
-    name, parameters = parse(estimator)
-    if written or OF_ESTIMATORS not in parameters:
-        return None
-    value = parameters.pop(OF_ESTIMATORS)
-    return Sweep(path, OF_ESTIMATORS, float(value), write_label(name, parameters))
 
 
 def sensitivity(errors: pd.DataFrame, seed: int, baseline: str = "arl") -> pd.DataFrame:
@@ -153,22 +127,24 @@ def sensitivity(errors: pd.DataFrame, seed: int, baseline: str = "arl") -> pd.Da
         BadInput: nothing is swept, or the baseline was not run at some value.
 
     """
-    found: dict[tuple[str, str, float], dict[int, Sweep]] = {}
-    for i, (scenario, estimator) in enumerate(errors[CELL].itertuples(index=False)):
-        if one := parse_sweep(scenario, estimator):
-            found.setdefault((scenario, one.parameter, one.value), {})[i] = one
-    if not found:
-        raise BadInput("nothing is swept here: no scenario has one number in brackets; run the study sensitivity")
-    parts = []
-    for (label, parameter, value), mine in found.items():
-        where = next(iter(mine.values()))
-        rows = errors.iloc[list(mine)].assign(estimator=[one.estimator for one in mine.values()])
-        table = compare(rows, baseline, full=True).assign(scenario=where.scenario, parameter=parameter, value=value)
-        parts.append(table.assign(preset=preset_value(where), floor=floors([label], seed)[label]))
-    return pd.concat(parts, ignore_index=True)[list(SENSITIVITY_COLUMNS)]
+    parts, points = [], sweeps(errors["scenario"])
+    for label, at in points.items():
+        rows = errors[errors["scenario"] == label]
+        read = rows.assign(**at._asdict()) if at.parameter else swept(rows, "estimator")
+        groups: Any = read[read["parameter"] != ""].groupby(["parameter", "value"], sort=False)
+        for (parameter, value), part in groups:
+            named = part if at.parameter else part.assign(estimator=part["family"])
+            found = compare(named, baseline, full=True).assign(scenario=at.family, parameter=parameter, value=value)
+            found["preset"] = [preset_value(parameter, at.family, one) for one in found["estimator"]]
+            parts.append(found.assign(floor=label))
+    if not parts:
+        raise BadInput("nothing is swept here: no labels differ in one number alone; run the study sensitivity")
+    table = pd.concat(parts, ignore_index=True)
+    lowest = floors(list(table["floor"].unique()), seed)
+    return table.assign(floor=table["floor"].map(lowest))[list(SENSITIVITY_COLUMNS)]
 
 
-def preset_value(where: Sweep) -> float:
-    """Return the value of the parameter where it is not swept."""
-    made: Any = make(where.estimator) if where.parameter == OF_ESTIMATORS else resolve(where.scenario).model
-    return float(getattr(made, where.parameter.removeprefix(ASSUMED)))
+def preset_value(parameter: str, scenario: str, estimator: str) -> float:
+    """Return the value of a parameter of a scenario, or else of an estimator, where it is not swept; nan: none."""
+    name, one = parameter.removeprefix(ASSUMED), resolve(scenario).model
+    return float(getattr(one, name, np.nan) if hasattr(one, name) else getattr(make(estimator), name, np.nan))

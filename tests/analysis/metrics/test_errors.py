@@ -142,8 +142,8 @@ GRID = ["a/n=1[x=1]", "a/n=1[x=2]", "a/n=1[x=3]", "a/n=2[x=1]", "a/n=2[x=2]", "a
 @pytest.mark.parametrize(
     ("labels", "points"),
     [
-        (["packet-drop/drop=0.7"], [("packet-drop", "drop", 0.7)]),
-        (["scalability/n=3[drop=0.7]"], [("scalability[drop=0.7]", "n", 3.0)]),
+        (["a/x=0.7", "a/x=0"], [("a", "x", 0.7), ("a", "x", 0.0)]),
+        (["a/n=3[x=1]", "a/n=4[x=1]"], [("a[x=1]", "n", 3.0), ("a[x=1]", "n", 4.0)]),
         (["nlos[eta=2]", "nlos[eta=3]"], [("nlos", "eta", 2.0), ("nlos", "eta", 3.0)]),
         (["a[x=1e-3,y=b]", "a[x=-.5,y=b]"], [("a[y=b]", "x", 0.001), ("a[y=b]", "x", -0.5)]),
         (["a/n=3[x=1]", "a/n=3[x=2]"], [("a/n=3", "x", 1.0), ("a/n=3", "x", 2.0)]),
@@ -154,9 +154,11 @@ def test_labels_say_what_they_sweep(labels, points):
     assert list(sweeps(labels).values()) == points
 
 
-@pytest.mark.parametrize("label", ["mrclam/all", "nlos[eta=2]", "here/worlds.py:Mine[x=a]", "a/kind=fine", "a/n=inf"])
+@pytest.mark.parametrize(
+    "label", ["mrclam/all", "nlos[eta=2]", "here/worlds.py:Mine[x=a]", "a/kind=fine", "a/n=inf", "a/n=3"]
+)
 def test_a_label_that_sweeps_nothing_is_its_family(label):
     table = swept(pd.DataFrame({"scenario": [label, label, "nlos/n=3"]}))
-    assert table["family"].tolist() == [label, label, "nlos"]
-    assert table["parameter"].tolist() == ["", "", "n"]
+    assert table["family"].tolist() == [label, label, "nlos/n=3"]
+    assert table["parameter"].tolist() == ["", "", ""]
     assert np.isnan(table["value"][0])

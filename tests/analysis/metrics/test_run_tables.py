@@ -6,7 +6,8 @@ import pytest
 from made_errors import rows
 
 from cooploc.analysis.metrics import run_tables as module
-from cooploc.analysis.metrics.run_tables import MatrixCell, Sweep, information, matrix_cell, parse_sweep, sensitivity
+from cooploc.analysis.metrics.compare import sweeps
+from cooploc.analysis.metrics.run_tables import MatrixCell, information, matrix_cell, sensitivity
 from cooploc.scenarios.studies import study
 
 MSE = np.random.default_rng(3).lognormal(-3, 0.3, (12, 3))
@@ -62,26 +63,14 @@ def test_each_cell_has_the_floor_of_its_own_readings(errors_of_cells, monkeypatc
     assert information(errors_of_cells, seed=1)["floor"].tolist() == [2.0, 2.0, 4.0, 4.0, 4.0]
 
 
-@pytest.mark.parametrize(
-    ("scenario", "estimator", "found"),
-    [
-        ("nlos[prior_sigma=2]", "arl", Sweep("nlos", "prior_sigma", 2.0, "arl")),
-        ("nlos/n=3[assumed.eta=2.5]", "arl[K=1]", Sweep("nlos/n=3", "assumed.eta", 2.5, "arl[K=1]")),
-        ("nlos", "arl[particles=50]", Sweep("nlos", "particles", 50.0, "arl")),
-        ("nlos", "ctrn[weights=exact,particles=50]", Sweep("nlos", "particles", 50.0, "ctrn[weights=exact]")),
-        ("nlos", "arl", None),
-        ("nlos[ticks=9,eta=2]", "arl", None),
-        ("nlos[body_blocking=true]", "arl", None),
-    ],
-)
-def test_labels_say_which_parameter_is_swept(scenario, estimator, found):
-    assert parse_sweep(scenario, estimator) == found
-
-
 def test_every_cell_of_the_shipped_study_sweeps_something_and_has_a_preset():
-    for cell in study.load("sensitivity").cells():
-        for estimator in cell.estimators:
-            assert np.isfinite(module.preset_value(parse_sweep(cell.scenario, estimator)))
+    cells = study.load("sensitivity").cells()
+    points = sweeps(cell.scenario for cell in cells)
+    for cell in cells:
+        at = points[cell.scenario]
+        for estimator, one in sweeps(cell.estimators).items():
+            family = estimator if at.parameter else one.family
+            assert np.isfinite(module.preset_value(at.parameter or one.parameter, at.family, family))
 
 
 @pytest.mark.slow
@@ -91,11 +80,12 @@ def test_estimators_are_compared_at_the_same_value():
         for value in (1, 4)
         for name, factor in (("arl", 1.0), ("mrsl-rssi", 0.25))
     ]
-    made += [rows(f"{name}[particles=50]", MSE, scenario="nlos") for name in ("arl", "mrsl-rssi")]
+    made += [rows(f"{name}[particles={n}]", MSE, scenario="nlos") for n in (50, 90) for name in ("arl", "mrsl-rssi")]
     table = sensitivity(pd.concat([*made, rows("arl", MSE, scenario="nlos")]), seed=1)
-    swept = [("prior_sigma", 1.0)] * 2 + [("prior_sigma", 4.0)] * 2 + [("particles", 50.0)] * 2
+    swept = [("prior_sigma", 1.0)] * 2 + [("prior_sigma", 4.0)] * 2
+    swept += [("particles", 50.0)] * 2 + [("particles", 90.0)] * 2
     assert list(zip(table["parameter"], table["value"], strict=True)) == swept
-    assert table["change"].to_numpy() == pytest.approx([0, -0.5, 0, -0.5, 0, 0])
+    assert table["change"].to_numpy() == pytest.approx([0, -0.5, 0, -0.5, 0, 0, 0, 0])
     assert table["rmse"][2] == pytest.approx(2 * table["rmse"][0])
-    assert table["preset"].tolist() == [0.5] * 4 + [200.0] * 2
+    assert table["preset"].tolist() == [0.5] * 4 + [200.0] * 4
     assert set(table["scenario"]) == {"nlos"}
