@@ -11,8 +11,7 @@ import pandas as pd
 import cooploc as cl
 from cooploc.analysis.execution.run_directory import RunDir
 from cooploc.analysis.formats import change, metres, ratio
-from cooploc.analysis.plot import style
-from cooploc.analysis.plot.results import SWEPT
+from cooploc.analysis.plot import results, style
 from cooploc.analysis.plot.studies import BETWEEN, OWN, RULES
 from cooploc.analysis.report.tables import Table, interval_column, number_column, text_column
 
@@ -25,7 +24,7 @@ def values(runs: Path, out: Path, data: Path) -> dict[str, Any]:
         table = getattr(cl, name)(stored)
         style.save(getattr(cl.plot, name)(table), out / f"{name}.svg")
         found[name] = {"trials": table["trials"].max(), "seed": RunDir(Path(stored)).manifest["seed"], "cells": table}
-    return {**found, "table": _table(found["information"]["cells"]).markdown(), "parameters": SWEPT}
+    return {**found, "table": _table(found["information"]["cells"]).markdown(), "parameters": results.SWEPT}
 
 
 def _table(table: pd.DataFrame) -> Table:
