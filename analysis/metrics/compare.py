@@ -27,10 +27,10 @@ from cooploc.analysis.metrics.errors import (
     trial_means,
 )
 from cooploc.analysis.metrics.statistics import FIXED, Interval
-from cooploc.estimators import nearest, parse
+from cooploc.estimators import nearest
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array
-from cooploc.estimators.label_syntax import shorten_labels, write_label
+from cooploc.estimators.label_syntax import shorten_labels
 from cooploc.scenarios.runner.run import Run
 from cooploc.scenarios.stream import Truth
 
@@ -346,11 +346,14 @@ def sweeps(labels: Iterable[str]) -> dict[str, SweepPoint]:
 
 
 def sweep_points(label: str) -> list[SweepPoint]:
-    """Return the numbers of a label, that of "family/n=3" before those in brackets."""
-    path, options = parse(label)
-    before, _, last = path.rpartition("/")
-    name, _, value = last.partition("=")
-    found = [(write_label(before, options), name, value)] if before else []
-    for key, text in options.items():
-        found.append((write_label(path, {other: options[other] for other in options if other != key}), key, text))
-    return [SweepPoint(family, name, float(text)) for family, name, text in found if NUMBER.fullmatch(text)]
+    """Return the numbers of a label, that of "family/n=3" before those in brackets; none of any other text."""
+    bracketed = re.fullmatch(r"([^\[\]]+)\[([^\[\]]*)\]", label)
+    path, options = (bracketed[1], [one.strip() for one in bracketed[2].split(",")]) if bracketed else (label, [])
+    before, slash, last = path.rpartition("/")
+    found = [(before, options, last)] if slash else []
+    found += [(path, options[:k] + options[k + 1 :], one) for k, one in enumerate(options)]
+    points = []
+    for name, rest, (parameter, _, value) in ((name, rest, one.partition("=")) for name, rest, one in found):
+        if NUMBER.fullmatch(value):
+            points.append(SweepPoint(f"{name}[{','.join(rest)}]" if rest else name, parameter, float(value)))
+    return points
