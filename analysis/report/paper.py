@@ -119,7 +119,7 @@ def _figures(
 def _in_sentence(caption: str, rows: pd.DataFrame, numbers: Numbers) -> str:
     """Return a caption that stands alone: what is drawn, in what experiment, of how many trials."""
     study = numbers.kept.manifest["study"]
-    about = str(study.get("about") or study["name"]).rstrip(".")
+    about = str(study.get("about") or study.get("title") or study["name"]).rstrip(".")
     return f"{caption} {about}; {run_numbers.trial_counts(rows)}, paired, seed {numbers.kept.manifest['seed']}."
 
 

@@ -117,7 +117,8 @@ def draw_experiment(
         part = rows[rows["scenario"].isin(group)]
         if parameter and part["rmse"].notna().any():
             figure = results.sweep_panels(swept(part), pens, names.shorten, medium)
-            yield RunFigure(figure, [family, parameter], OVER.format(parameter, family, HOLLOW), part)
+            caption = OVER.format(results.SWEPT.get(parameter, parameter), family, HOLLOW)
+            yield RunFigure(figure, [family, parameter], caption, part)
     shown, across = [label for label in drawn if label in ended], 3 if several else 1
     for i in range(0, len(shown), across) if kind in ("", "rmse") else ():
         parts = [ended[label] for label in shown[i : i + across]]
@@ -126,7 +127,8 @@ def draw_experiment(
         for parameter, part in rows_of_estimator_sweeps(ended[label]).items():
             own = style.pens(map(str, part["family"]))
             figure = results.sweep_panels(part.assign(estimator=part["family"]), own, names.shorten, medium)
-            yield RunFigure(figure, [parameter, label], OVER.format(parameter, label, HOLLOW), part)
+            caption = OVER.format(results.SWEPT.get(parameter, parameter), label, HOLLOW)
+            yield RunFigure(figure, [parameter, label], caption, part)
     for label in filter(ended.__contains__, costly if kind != "rmse" else ()):
         for others in [(kind,)] if kind else [tuple(OTHERS)] if several else [(other,) for other in OTHERS]:
             figure = results.scatter(ended[label], others, pens, names.shorten, medium)

@@ -65,7 +65,7 @@ def test_contents_come_first_then_the_answer_and_a_sweep_is_said_with_intervals(
     assert order == sorted(order)
     assert Outline(source).rows("data-claim") == []  # nothing bears on a claim
     for words in (
-        "Position RMSE over drop",
+        "Position RMSE over share of packets that are lost in packet-drop",
         "RMSE from drop = 0 to 0.9 (95\u00a0% intervals, unadjusted)",
         "8 trials a scenario, seed 3; t test of the change against the baseline, Holm over the 12 comparisons",
         "packet-drop/drop=0, good: 2 of the planned trials are missing",
