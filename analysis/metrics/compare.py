@@ -279,6 +279,9 @@ def _against(
     }
 
 
+OF_TEAM = ("team ", "sightings")  # what readings of teammates begin with
+
+
 def outlier_warnings(table: pd.DataFrame) -> list[str]:
     """Return a sentence on each row of `summarize` or `compare` whose RMSE a few trials decide."""
     ends = interval(percent)
@@ -289,6 +292,24 @@ def outlier_warnings(table: pd.DataFrame) -> list[str]:
         f"{metres(row['rmse'])} m, and its interval is too narrow; diverged: {percent(row['diverged'])} of robots"
         for row in table[table["outlying"] > 0].to_dict("records")
     ]
+
+
+def reading_warnings(table: pd.DataFrame) -> list[str]:
+    """Return a sentence where estimators of a scenario read different things of their own, as RSSI or its direction."""
+    said: dict[str, None] = {}
+    for _, rows in table.groupby("scenario", sort=False):
+        own: dict[str, list[str]] = {}
+        for name, senses in dict(zip(rows["estimator"], rows["senses"].fillna(""), strict=True)).items():
+            read = [one for one in senses.split(", ") if not one.startswith(OF_TEAM)]
+            own.setdefault(", ".join(read), []).append(shorten_labels(name))
+        parts = [f"{read} ({_some(names)})" for read, names in own.items() if read not in ("", "odometry")]
+        if len(parts) > 1:
+            said[f"estimators differ in what they read, not in their methods alone: {', '.join(parts)}"] = None
+    return list(said)
+
+
+def _some(names: list[str]) -> str:
+    return ", ".join(names[:3]) + f" and {len(names) - 3} more" * (len(names) > 3)
 
 
 # ---- over time, and over a sweep

@@ -8,7 +8,7 @@ from scipy.stats import wilcoxon
 from statsmodels.stats.proportion import proportion_confint
 
 import cooploc as cl
-from cooploc.analysis.metrics.compare import SHORT, STATISTICS, compare, outlier_warnings, summarize
+from cooploc.analysis.metrics.compare import SHORT, STATISTICS, compare, outlier_warnings, reading_warnings, summarize
 from cooploc.analysis.metrics.consistency import COLLAPSED
 from cooploc.analysis.metrics.errors import trial_means
 from cooploc.analysis.metrics.ranking import disqualifications, letters, rank_groups
@@ -207,3 +207,15 @@ def test_every_statistic_is_in_the_table_and_p_is_adjusted_over_all_rows(rng):
     assert set(SHORT) <= set(table.columns)
     smallest = table["p"].idxmin()
     assert table.loc[smallest, "p_holm"] == pytest.approx(min(1, 2 * table.loc[smallest, "p"]))
+
+
+def test_what_estimators_read_themselves_is_said_where_it_differs_but_not_what_they_read_of_teammates():
+    senses = {"a": "DOA", "b": "DOA, team ranges", "c": "landmarks, sightings", "d": "odometry", "e": "", "f": None}
+    table = pd.DataFrame({"scenario": "s", "estimator": senses.keys(), "senses": senses.values()})
+    assert reading_warnings(table[table["estimator"] != "c"]) == []
+    others = pd.DataFrame({"scenario": "t", "estimator": [f"x=m.py:X[g={i}]" for i in range(5)], "senses": "RSSI"})
+    both = pd.concat([table, others, table.assign(scenario="t")])
+    assert [text.partition(": ")[2] for text in reading_warnings(both)] == [
+        "DOA (a, b), landmarks (c)",
+        "RSSI (x[g=0], x[g=1], x[g=2] and 2 more), DOA (a, b), landmarks (c)",
+    ]
