@@ -20,10 +20,10 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_valida
 
 from cooploc.analysis.claims.trial_table import Missing, TrialTable
 from cooploc.analysis.metrics import statistics
-from cooploc.analysis.metrics.compare import sweeps
 from cooploc.analysis.metrics.consistency import LEAST_COVERAGE, OVER_CONFIDENT
 from cooploc.analysis.metrics.sequential import trials_to_exclude
 from cooploc.analysis.metrics.statistics import FIXED, Interval, Stopping
+from cooploc.analysis.metrics.sweeps import sweeps
 from cooploc.estimators import nearest
 from cooploc.estimators.interface import Array
 

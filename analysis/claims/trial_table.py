@@ -11,10 +11,10 @@ import numpy as np
 import pandas as pd
 
 from cooploc import estimators, scenarios
-from cooploc.analysis.metrics.compare import sweep_points
 from cooploc.analysis.metrics.errors import TRIAL, drop_failed, trial_means
 from cooploc.analysis.metrics.ranking import is_refused
 from cooploc.analysis.metrics.statistics import FIXED, Stopping
+from cooploc.analysis.metrics.sweeps import sweep_points
 from cooploc.estimators import nearest, parse
 from cooploc.estimators.building import RENAMED
 from cooploc.estimators.interface import Array

@@ -1,11 +1,9 @@
 """Tables over trials: what each estimator achieves, and how it differs from a baseline on the same streams.
 
-To add a statistic, write one entry in `STATISTICS`. Errors over time, and over what scenarios' labels sweep, are below.
+To add a statistic, write one entry in `STATISTICS`. Errors over time are below.
 """
 
-import re
-from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -302,17 +300,17 @@ def reading_warnings(table: pd.DataFrame) -> list[str]:
         for name, senses in dict(zip(rows["estimator"], rows["senses"].fillna(""), strict=True)).items():
             read = [one for one in senses.split(", ") if not one.startswith(OF_TEAM)]
             own.setdefault(", ".join(read), []).append(shorten_labels(name))
-        parts = [f"{read} ({_some(names)})" for read, names in own.items() if read not in ("", "odometry")]
+        parts = [f"{read} ({_first_names(names)})" for read, names in own.items() if read not in ("", "odometry")]
         if len(parts) > 1:
             said[f"estimators differ in what they read, not in their methods alone: {', '.join(parts)}"] = None
     return list(said)
 
 
-def _some(names: list[str]) -> str:
+def _first_names(names: list[str]) -> str:
     return ", ".join(names[:3]) + f" and {len(names) - 3} more" * (len(names) > 3)
 
 
-# ---- over time, and over a sweep
+# ---- over time
 
 
 def over_time(truth: Truth, run: Run, step: int = 1) -> pd.DataFrame:
@@ -332,49 +330,3 @@ def over_time(truth: Truth, run: Run, step: int = 1) -> pd.DataFrame:
             row |= FIXED.mean_of_positive(anees).columns("anees")
             rows.append(row | dict(zip(("band_low", "band_high"), band(len(anees), 2), strict=True)))
     return pd.DataFrame(rows)
-
-
-NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?")
-
-
-class SweepPoint(NamedTuple):
-    """A value in a label that other labels may replace by another."""
-
-    family: str  # the label without the parameter
-    parameter: str  # empty: none
-    value: float  # nan: none
-
-
-def swept(table: pd.DataFrame, column: str = "scenario") -> pd.DataFrame:
-    """Return the table with `family`, `parameter` and `value` of the labels in a column, as of `sweeps`."""
-    found = sweeps(table[column])
-    rows = [found[label] for label in table[column]]
-    return table.assign(**dict(zip(SweepPoint._fields, map(list, zip(*rows, strict=True)), strict=True)))
-
-
-def sweeps(labels: Iterable[str]) -> dict[str, SweepPoint]:
-    """Return what each label sweeps: the number in which the most labels differ alone, of equally many the first.
-
-    A label that differs from all others in more than a number has no parameter, and is its own family.
-    """
-    points = {label: sweep_points(label) for label in labels}
-    alike = Counter(one[:2] for found in points.values() for one in found)
-    out = {}
-    for label, found in points.items():
-        one = max(found, key=lambda point: alike[point[:2]], default=None)
-        out[label] = one if one is not None and alike[one[:2]] > 1 else SweepPoint(label, "", np.nan)
-    return out
-
-
-def sweep_points(label: str) -> list[SweepPoint]:
-    """Return the numbers of a label, that of "family/n=3" before those in brackets; none of any other text."""
-    bracketed = re.fullmatch(r"([^\[\]]+)\[([^\[\]]*)\]", label)
-    path, options = (bracketed[1], [one.strip() for one in bracketed[2].split(",")]) if bracketed else (label, [])
-    before, slash, last = path.rpartition("/")
-    found = [(before, options, last)] if slash else []
-    found += [(path, options[:k] + options[k + 1 :], one) for k, one in enumerate(options)]
-    points = []
-    for name, rest, (parameter, _, value) in ((name, rest, one.partition("=")) for name, rest, one in found):
-        if NUMBER.fullmatch(value):
-            points.append(SweepPoint(f"{name}[{','.join(rest)}]" if rest else name, parameter, float(value)))
-    return points

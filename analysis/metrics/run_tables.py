@@ -10,9 +10,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from cooploc.analysis.metrics.compare import compare, sweeps, swept
+from cooploc.analysis.metrics.compare import compare
 from cooploc.analysis.metrics.crlb import floors, pooled_floor
 from cooploc.analysis.metrics.errors import CELL
+from cooploc.analysis.metrics.sweeps import add_sweep, sweeps
 from cooploc.estimators import configure, make
 from cooploc.estimators.errors import BadInput
 from cooploc.scenarios import ASSUMED, resolve
@@ -130,7 +131,7 @@ def sensitivity(errors: pd.DataFrame, seed: int, baseline: str = "arl") -> pd.Da
     parts, points = [], sweeps(errors["scenario"])
     for label, at in points.items():
         rows = errors[errors["scenario"] == label]
-        read = rows.assign(**at._asdict()) if at.parameter else swept(rows, "estimator")
+        read = rows.assign(**at._asdict()) if at.parameter else add_sweep(rows, "estimator")
         groups: Any = read[read["parameter"] != ""].groupby(["parameter", "value"], sort=False)
         for (parameter, value), part in groups:
             named = part if at.parameter else part.assign(estimator=part["family"])

@@ -19,10 +19,10 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullLocator
 
 from cooploc.analysis.formats import count_of
-from cooploc.analysis.metrics.compare import swept
 from cooploc.analysis.metrics.consistency import CONSERVATIVE, OVER_CONFIDENT
 from cooploc.analysis.metrics.ranking import is_refused
 from cooploc.analysis.metrics.statistics import LEAST_TRIALS
+from cooploc.analysis.metrics.sweeps import add_sweep
 from cooploc.analysis.plot import style
 from cooploc.analysis.plot.style import DOTTED, PAGE, Pen, Row, Style, draw_marker, name_of, set_log_scale, span
 from cooploc.estimators.errors import BadInput
@@ -199,7 +199,7 @@ def _height(medium: Style) -> float:
 
 
 def sweep_panels(part: pd.DataFrame, pens: Pens, short: Short, medium: Style = PAGE) -> Figure:
-    """Draw RMSE over what rows of `swept` sweep; of many estimators a panel for each method, the others in grey."""
+    """Draw RMSE over what rows of `add_sweep` sweep; of many estimators a panel for each method, the others in grey."""
     part = part.sort_values("value", kind="stable")
     names = [name for name in pens if name in set(part["estimator"])]
     methods = [list(mine) for _, mine in groupby(sorted(names, key=_method), _method)]
@@ -406,8 +406,8 @@ def _sweep(table: pd.DataFrame) -> pd.DataFrame | None:
 
     Of a sweep of estimators, each has the name that its family has.
     """
-    estimators = swept(table, "estimator")
-    for read in (swept(table), estimators.assign(estimator=estimators["family"], family=table["scenario"])):
+    estimators = add_sweep(table, "estimator")
+    for read in (add_sweep(table), estimators.assign(estimator=estimators["family"], family=table["scenario"])):
         one = read["parameter"].iloc[0] and len(read[["family", "parameter"]].drop_duplicates()) == 1
         if one and read["value"].nunique() >= LEAST:
             return read

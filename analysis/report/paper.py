@@ -11,8 +11,8 @@ import pandas as pd
 
 from cooploc.analysis.execution.run_directory import StoredRun
 from cooploc.analysis.formats import count_of
-from cooploc.analysis.metrics.compare import sweeps
 from cooploc.analysis.metrics.crlb import floors
+from cooploc.analysis.metrics.sweeps import sweeps
 from cooploc.analysis.plot import style
 from cooploc.analysis.report import result_tables, run_numbers, sentences
 from cooploc.analysis.report.labels import Labels

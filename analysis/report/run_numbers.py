@@ -11,9 +11,10 @@ from matplotlib.figure import Figure
 from cooploc.analysis.claims.trial_table import TrialTable, collect
 from cooploc.analysis.execution.run_directory import StoredRun
 from cooploc.analysis.formats import count_of
-from cooploc.analysis.metrics.compare import compare, sweeps, swept
+from cooploc.analysis.metrics.compare import compare
 from cooploc.analysis.metrics.sequential import ANYTIME, add_decisions
 from cooploc.analysis.metrics.statistics import FIXED
+from cooploc.analysis.metrics.sweeps import add_sweep, sweeps
 from cooploc.analysis.plot import results, style
 from cooploc.analysis.report.labels import Labels, short_labels, variants_of
 
@@ -59,7 +60,7 @@ def group_by_sweep(labels: list[str]) -> dict[tuple[str, str], list[str]]:
 
 def rows_of_estimator_sweeps(rows: pd.DataFrame) -> dict[str, pd.DataFrame]:
     """Return the rows of one scenario whose estimators sweep a parameter, by it: each with its family's name."""
-    read = swept(rows, "estimator")
+    read = add_sweep(rows, "estimator")
     lengths = read.groupby(["family", "parameter"])["value"].transform("size")
     long = read[(read["parameter"] != "") & (lengths >= SWEEP)]
     return {str(name): part for name, part in long.groupby("parameter", sort=False)}
@@ -116,7 +117,7 @@ def draw_experiment(
     for (family, parameter), group in group_by_sweep(labels).items() if kind in ("", "rmse") else ():
         part = rows[rows["scenario"].isin(group)]
         if parameter and part["rmse"].notna().any():
-            figure = results.sweep_panels(swept(part), pens, names.shorten, medium)
+            figure = results.sweep_panels(add_sweep(part), pens, names.shorten, medium)
             caption = OVER.format(results.SWEPT.get(parameter, parameter), family, HOLLOW)
             yield RunFigure(figure, [family, parameter], caption, part)
     shown, across = [label for label in drawn if label in ended], 3 if several else 1

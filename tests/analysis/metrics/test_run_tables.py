@@ -6,8 +6,8 @@ import pytest
 from made_errors import rows
 
 from cooploc.analysis.metrics import run_tables as module
-from cooploc.analysis.metrics.compare import sweeps
 from cooploc.analysis.metrics.run_tables import MatrixCell, information, matrix_cell, sensitivity
+from cooploc.analysis.metrics.sweeps import sweeps
 from cooploc.scenarios.studies import study
 
 MSE = np.random.default_rng(3).lognormal(-3, 0.3, (12, 3))

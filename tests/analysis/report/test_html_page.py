@@ -13,7 +13,7 @@ from made_runs import EVIL, Outline, kept_from, rows_of
 from cooploc.analysis.claims.ledger import load
 from cooploc.analysis.claims.trial_table import collect
 from cooploc.analysis.metrics.compare import compare
-from cooploc.analysis.metrics.compare import swept as sweeps_of
+from cooploc.analysis.metrics.sweeps import add_sweep
 from cooploc.analysis.plot import results, style
 from cooploc.analysis.report import html_page, result_tables
 
@@ -119,7 +119,7 @@ def test_variants_share_a_panel_and_every_estimator_has_one(swept):
     table = compare(swept, "base", full=True).assign(floor=0.01)
     names = ["arl", "arl[K=1]", "arl[M=1]", "b", "c", "d[x=1]", "e"]
     table = pd.concat([table[table["estimator"] == "base"].assign(estimator=name) for name in names])
-    panels = results.sweep_panels(sweeps_of(table), style.pens(names), str).axes
+    panels = results.sweep_panels(add_sweep(table), style.pens(names), str).axes
     assert [ax.get_title(loc="left") for ax in panels] == ["arl", "b", "c", "d[x=1]", "e"]
     assert set(names[:3]) < set(panels[0].get_legend_handles_labels()[1])
 
