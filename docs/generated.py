@@ -5,12 +5,14 @@
 
 import re
 import shutil
+from collections.abc import Iterable
 from pathlib import Path
 
 import click
 import typer
 
 import cooploc as cl
+from cooploc.analysis.report.tables import read_toml
 from cooploc.cli import app
 from cooploc.estimators import BUILTIN
 from cooploc.scenarios.runner.trace import trace
@@ -34,7 +36,9 @@ def write(folder: Path) -> None:
     folder.mkdir()
     (folder / "commands.md").write_text(commands(), encoding="utf-8")
     for name, (title, about, columns) in LISTS.items():
-        (folder / f"{name}.md").write_text(f"# {title}\n\n{about}\n\n{_table(name, columns)}\n", encoding="utf-8")
+        more = scenario_parameters() * (name == "scenarios")
+        text = f"# {title}\n\n{about}\n\n{_table(name, columns)}\n{more}"
+        (folder / f"{name}.md").write_text(text, encoding="utf-8")
     (folder / "figures.md").write_text(figures(), encoding="utf-8")
     (folder / "parameters.md").write_text(parameters(), encoding="utf-8")
     for notebook in sorted((ROOT / "notebooks").glob("*.ipynb")):
@@ -71,9 +75,29 @@ def figures() -> str:
 
 def parameters() -> str:
     """What `cooploc list NAME` says of every built-in estimator."""
-    texts = {name: "\n".join(about_estimator(name)).strip() for name in BUILTIN}
-    shown = "\n\n".join(f"## {name}\n\n```text\n{text}\n```" for name, text in texts.items())
-    return f'# Parameters of estimators\n\n`cooploc list NAME`, or `cl.show("NAME")`.\n\n{shown}\n'
+    shown = "\n\n".join(f"## {name}\n\n{_listed(about_estimator(name))}" for name in BUILTIN)
+    return f'# Parameters of estimators\n\nWhat `cooploc list NAME` and `cl.show("NAME")` say.\n\n{shown}\n'
+
+
+def scenario_parameters() -> str:
+    """What stands in brackets of scenarios' labels."""
+    known = read_toml("parameters.toml").items()
+    lines = [f"| `{name}` | {one.get('unit', '')} | {one['meaning']} |" for name, one in known]
+    head = "\n## Parameters\n\n`nlos[eta=2,obstacles=5]`; `cooploc list nlos` says which it has, and their values.\n\n"
+    return "\n".join([f"{head}| name | unit | meaning |", "| --- | --- | --- |", *lines, ""])
+
+
+def _listed(texts: Iterable[str]) -> str:
+    """A docstring with its parameters as a list."""
+    lines: list[str] = []
+    for line in "\n\n".join(texts).replace("*", "\\*").splitlines():
+        if begins := re.match(r" {4}(\w+): (.*)", line):
+            lines.append(f"- `{begins[1]}`: {begins[2]}")
+        elif line.startswith(" " * 8):
+            lines[-1] += f" {line.strip()}"
+        else:
+            lines += [line, ""] if line.endswith(":") else [line]
+    return "\n".join(lines).strip()
 
 
 def _table(kind: str, columns: list[str]) -> str:
