@@ -294,16 +294,16 @@ def outlier_warnings(table: pd.DataFrame) -> list[str]:
 
 def reading_warnings(table: pd.DataFrame) -> list[str]:
     """Return a sentence where estimators of a scenario read different things of their own, as RSSI or its direction."""
-    said: dict[str, None] = {}
-    for _, rows in table.groupby("scenario", sort=False):
-        own: dict[str, list[str]] = {}
-        for name, senses in dict(zip(rows["estimator"], rows["senses"].fillna(""), strict=True)).items():
-            read = [one for one in senses.split(", ") if not one.startswith(OF_TEAM)]
-            own.setdefault(", ".join(read), []).append(shorten_labels(name))
-        parts = [f"{read} ({_first_names(names)})" for read, names in own.items() if read not in ("", "odometry")]
-        if len(parts) > 1:
-            said[f"estimators differ in what they read, not in their methods alone: {', '.join(parts)}"] = None
-    return list(said)
+    read = table[["scenario", "estimator", "senses"]].fillna("").to_dict("records")
+    for row in read:
+        row["own"] = ", ".join(one for one in row["senses"].split(", ") if not one.startswith(OF_TEAM))
+    rows = pd.DataFrame([row for row in read if row["own"] not in ("", "odometry")], columns=[*table, "own"])
+    differ = rows[rows.groupby("scenario")["own"].transform("nunique") > 1]
+    if differ.empty:
+        return []
+    named = differ.groupby("own", sort=False)["estimator"].unique()
+    parts = [f"{own} ({_first_names(list(map(shorten_labels, names)))})" for own, names in named.items()]
+    return [f"estimators differ in what they read, not in their methods alone: {', '.join(parts)}"]
 
 
 def _first_names(names: list[str]) -> str:

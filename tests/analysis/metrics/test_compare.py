@@ -214,8 +214,8 @@ def test_what_estimators_read_themselves_is_said_where_it_differs_but_not_what_t
     table = pd.DataFrame({"scenario": "s", "estimator": senses.keys(), "senses": senses.values()})
     assert reading_warnings(table[table["estimator"] != "c"]) == []
     others = pd.DataFrame({"scenario": "t", "estimator": [f"x=m.py:X[g={i}]" for i in range(5)], "senses": "RSSI"})
-    both = pd.concat([table, others, table.assign(scenario="t")])
-    assert [text.partition(": ")[2] for text in reading_warnings(both)] == [
-        "DOA (a, b), landmarks (c)",
-        "RSSI (x[g=0], x[g=1], x[g=2] and 2 more), DOA (a, b), landmarks (c)",
-    ]
+    both = pd.concat([table[table["estimator"] != "c"], others, table.assign(scenario="t")])
+    (text,) = reading_warnings(both)
+    assert text.partition(": ")[2] == "RSSI (x[g=0], x[g=1], x[g=2] and 2 more), DOA (a, b), landmarks (c)"
+    apart = table.assign(scenario=table["estimator"])
+    assert reading_warnings(apart) == []
