@@ -47,6 +47,7 @@ SWEPT = {  # parameter -> what stands below its axis, where that is plainer
 }
 NAMES = {"anees": "ANEES (1 is consistent)", "bytes": "bytes per robot and tick", "seconds": "µs per robot and tick"}
 LEAST = 3  # values from which a sweep is drawn as lines without being asked for
+MOST_PANELS = 6  # of sweeps
 TOGETHER = 6  # estimators that can still be distinguished in one panel
 MOST = 24  # estimators of an overview
 LETTER = 0.09  # [in] that a letter of a tick is wide
@@ -61,7 +62,7 @@ def rmse(errors: pd.DataFrame, ax: Axes | None = None, floors: Mapping[str, floa
     Hollow markers are over-confident: their 95 % ellipses hold fewer true positions than they promise. Centralised
     estimators are grey. In a new figure many estimators in few scenarios are rows with their names. Three labels or
     more such as "packet-drop/drop=0.7" or "mrsl-rssi[particles=50]", that differ in their value alone, are drawn as a
-    sweep, with lines.
+    sweep, with lines; a new figure has a panel for each of up to six such sweeps.
 
     Args:
         errors: from `cl.errors` or `cl.sweep`.
@@ -71,23 +72,34 @@ def rmse(errors: pd.DataFrame, ax: Axes | None = None, floors: Mapping[str, floa
     """
     table = style.summarize_for_figures(errors)
     table["floor"] = table["scenario"].map(dict(floors or {}))
-    along = _sweep(table)
+    along = _sweep(table, 1 if ax else MOST_PANELS)
     names = list(dict.fromkeys((table if along is None else along)["estimator"]))
     pens, height = style.session_pens(names), max(4.0, 0.6 + 0.2 * len(names))
     over_confident = bool((table["consistency"] == "over-confident").any())
     if along is not None:
-        ax = ax or style.new_axes(6.5, height)
-        draw_curves(ax, along[along["rmse"].notna()], pens)
-        above = f"{along['family'].iloc[0]}, {_about_trials(table)}{'; broken: over-confident' * over_confident}"
-        swept_name = along["parameter"].iloc[0]
-        style.finish(ax, SWEPT.get(swept_name, swept_name), RMSE, above)
-    else:
-        above = _about_trials(table) + "; hollow: over-confident" * over_confident
-        if ax is None and len(names) > TOGETHER and table["scenario"].nunique() <= LEAST:
-            return _draw_in_rows(table, pens, above)
-        ax = _draw_side_by_side(ax, table, pens, height, above)
+        return _draw_sweeps(ax, along, pens, height, _about_trials(table) + "; broken: over-confident" * over_confident)
+    above = _about_trials(table) + "; hollow: over-confident" * over_confident
+    if ax is None and len(names) > TOGETHER and table["scenario"].nunique() <= LEAST:
+        return _draw_in_rows(table, pens, above)
+    ax = _draw_side_by_side(ax, table, pens, height, above)
     style.add_legend(ax)
     return ax
+
+
+def _draw_sweeps(ax: Axes | None, along: pd.DataFrame, pens: Pens, height: float, about: str) -> Axes:
+    """Draw curves over what is swept, a panel for each family."""
+    families, name = along["family"].unique(), str(along["parameter"].iloc[0])
+    across, size = min(len(families), 3), (6.5, height) if len(families) == 1 else (4.0, 3.2)
+    axes = [ax] if ax else style.new_panels(len(families), across, size, sharey=True)
+    for k, (one, family) in enumerate(zip(axes, families, strict=True)):
+        draw_curves(one, along[along["rmse"].notna() & (along["family"] == family)], pens)
+        above = f"{family}, {about}" if k == 0 else str(family)
+        style.finish(one, SWEPT.get(name, name), RMSE * (k % across == 0), above)
+    low, high = span(along, "rmse", "floor")
+    if low > 0:
+        axes[0].set_ylim(0.8 * low, 1.25 * high)
+    style.add_legend(axes[across - 1])
+    return axes[0]
 
 
 def _draw_in_rows(table: pd.DataFrame, pens: Pens, above: str) -> Axes:
@@ -401,15 +413,15 @@ def _add_keys(ax: Axes, table: pd.DataFrame, pens: Pens, name: Callable[[Any], s
         draw_marker(ax, np.nan, np.nan, {**row, "consistency": ""}, pens[row["estimator"]], label=name(row))
 
 
-def _sweep(table: pd.DataFrame) -> pd.DataFrame | None:
+def _sweep(table: pd.DataFrame, most: int) -> pd.DataFrame | None:
     """Return the table with `family`, `parameter` and `value` where its labels sweep one parameter; else None.
 
-    Of a sweep of estimators, each has the name that its family has.
+    Of a sweep of estimators, each has the name that its family has. There are at `most` so many families.
     """
     estimators = add_sweep(table, "estimator")
     for read in (add_sweep(table), estimators.assign(estimator=estimators["family"], family=table["scenario"])):
-        one = read["parameter"].iloc[0] and len(read[["family", "parameter"]].drop_duplicates()) == 1
-        if one and read["value"].nunique() >= LEAST:
+        lengths = read.groupby("family")["value"].nunique()
+        if read["parameter"].nunique() == 1 and lengths.min() >= LEAST and len(lengths) <= most:
             return read
     return None
 
