@@ -93,13 +93,21 @@ def _draw_sweeps(ax: Axes | None, along: pd.DataFrame, pens: Pens, height: float
     axes = [ax] if ax else style.new_panels(len(families), across, size, sharey=True)
     for k, (one, family) in enumerate(zip(axes, families, strict=True)):
         draw_curves(one, along[along["rmse"].notna() & (along["family"] == family)], pens)
-        above = f"{family}, {about}" if k == 0 else str(family)
+        above = f"{family}, {about}" if len(families) == 1 else str(family)
         style.finish(one, SWEPT.get(name, name), RMSE * (k % across == 0), above)
     low, high = span(along, "rmse", "floor")
     if low > 0:
         axes[0].set_ylim(0.8 * low, 1.25 * high)
+    if len(families) > 1:
+        _add_note(axes[0], about)
     style.add_legend(axes[across - 1])
     return axes[0]
+
+
+def _add_note(ax: Axes, text: str) -> None:
+    """Write above all panels of a figure what holds for each."""
+    figure: Any = ax.figure
+    figure.suptitle(text, x=0.01, ha="left", fontsize="small", color="0.35")
 
 
 def _draw_in_rows(table: pd.DataFrame, pens: Pens, above: str) -> Axes:
@@ -115,8 +123,7 @@ def _draw_in_rows(table: pd.DataFrame, pens: Pens, above: str) -> Axes:
         style.finish(ax, RMSE, above=str(part["scenario"].iloc[0]), grid="both")
     axes[0].set_yticks(range(len(rows)), rows, fontsize="small")
     set_log_scale(axes[0].xaxis, *span(table, "rmse", "floor"))
-    figure: Any = axes[0].figure
-    figure.suptitle(above, x=0.01, ha="left", fontsize="small", color="0.35")
+    _add_note(axes[0], above)
     return axes[0]
 
 
