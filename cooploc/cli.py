@@ -65,7 +65,7 @@ def list_(
         return
     for one in [what] if what else KINDS:
         show_list(one, getattr(cl, f"list_{one}")())
-    typer.echo("next: cooploc run quick --estimators arl,ekf-ci, or another study, or a problem")
+    typer.echo("next: cooploc list ctrn (what its parameters mean), or cooploc run quick --estimators arl,ctrn")
 
 
 @app.command()

@@ -88,7 +88,7 @@ def _check_parameters(name: str, make: Any, always: tuple[str, ...], given: Mapp
         given = {key if key in known else RENAMED.get(key, key): value for key, value in given.items()}
         if unknown := [key for key in given if key not in known]:
             has = nearest(unknown[0], list(known)) if known else "it has none"
-            raise BadInput(f"estimator {name!r} has no parameter {unknown[0]!r}; {has}")
+            raise BadInput(f"estimator {name!r} has no parameter {unknown[0]!r}; {has} (cooploc list {name})")
         if missing := [key for key, one in known.items() if one.default is one.empty and key not in given]:
             if missing[0] == "prior" and isfunction(make):
                 raise BadInput(

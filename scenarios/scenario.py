@@ -219,7 +219,8 @@ def build_scenario(
     cls = family.model_class(name)
     known = [*cls.model_fields, *StreamOptions.model_fields]
     if unknown := [key for key in parameters if key not in known]:
-        raise BadInput(f"scenario {name!r} has no parameter {unknown[0]!r}; {nearest(unknown[0], known)}")
+        remedy = f"{nearest(unknown[0], known)} (cooploc list {name})"
+        raise BadInput(f"scenario {name!r} has no parameter {unknown[0]!r}; {remedy}")
     said = {key: value for key, value in parameters.items() if key not in cls.model_fields}
     if misplaced := [key for key in StreamOptions.model_fields if key in assumed]:
         raise BadInput(f"scenario {label!r}: {misplaced[0]} is of the stream, so it cannot be assumed: leave it out")

@@ -235,7 +235,9 @@ CONTENT_COLUMNS = (
 )
 
 
-SHOWN = "cl.show prints a run directory, results of cl.run_study, cl.verdicts(...) and cl.compare(..., full=True)"
+SHOWN = (
+    "cl.show prints a run directory, results of cl.run_study, cl.verdicts(...), cl.compare(..., full=True), and names"
+)
 
 
 def show(what: str | PathLike[str] | pd.DataFrame, ledger: str | Path | None = None) -> None:
