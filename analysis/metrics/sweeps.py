@@ -31,7 +31,7 @@ def sweeps(labels: Iterable[str]) -> dict[str, SweepPoint]:
 
     A label that differs from all others in more than a number has no parameter, and is its own family.
     """
-    points = {label: sweep_points(label) for label in labels}
+    points = {label: sweep_points(label) for label in dict.fromkeys(labels)}
     alike = Counter(one[:2] for found in points.values() for one in found)
     out = {}
     for label, found in points.items():
