@@ -48,7 +48,8 @@ def sweep_points(label: str) -> list[SweepPoint]:
     found = [(before, options, last)] if slash else []
     found += [(path, options[:k] + options[k + 1 :], one) for k, one in enumerate(options)]
     points = []
-    for name, rest, (parameter, _, value) in ((name, rest, one.partition("=")) for name, rest, one in found):
+    for name, rest, one in found:
+        parameter, _, value = one.partition("=")
         if NUMBER.fullmatch(value):
             points.append(SweepPoint(f"{name}[{','.join(rest)}]" if rest else name, parameter, float(value)))
     return points
