@@ -47,6 +47,12 @@ def write_label(name: str, parameters: Mapping[str, str]) -> str:
     return name + (f"[{','.join(f'{key}={value}' for key, value in parameters.items())}]" if parameters else "")
 
 
+def drop_folders(label: str) -> str:
+    """Return the label of an estimator as a figure shows it: of one in a file, with its last folder alone."""
+    method, bracket, parameters = shorten_labels(label).partition("[")
+    return "/".join(method.split("/")[-2:]) + bracket + parameters
+
+
 def shorten_labels(text: str) -> str:
     """Write each `mine=path.py:Name[gate=9]` in a text as readers see it, `mine[gate=9]`."""
     return SHOWN.sub(r"\1", text)

@@ -28,7 +28,7 @@ from cooploc.analysis.metrics.statistics import FIXED, Interval
 from cooploc.estimators import nearest
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array
-from cooploc.estimators.label_syntax import shorten_labels
+from cooploc.estimators.label_syntax import drop_folders, shorten_labels
 from cooploc.scenarios.runner.run import Run
 from cooploc.scenarios.stream import Truth
 
@@ -302,7 +302,7 @@ def reading_warnings(table: pd.DataFrame) -> list[str]:
     if differ.empty:
         return []
     named = differ.groupby("own", sort=False)["estimator"].unique()
-    parts = [f"{own} ({_first_names(list(map(shorten_labels, names)))})" for own, names in named.items()]
+    parts = [f"{own} ({_first_names(list(map(drop_folders, names)))})" for own, names in named.items()]
     return [f"estimators differ in what they read, not in their methods alone: {', '.join(parts)}"]
 
 

@@ -25,7 +25,7 @@ from cooploc.analysis.metrics.consistency import consistency
 from cooploc.analysis.metrics.errors import is_offline
 from cooploc.analysis.metrics.ranking import is_refused
 from cooploc.estimators import BUILTIN
-from cooploc.estimators.label_syntax import shorten_labels
+from cooploc.estimators.label_syntax import drop_folders
 
 # seaborn's palette "colorblind", which takes a second to import.
 BLUE, ORANGE, GREEN, VERMILION, PURPLE, BROWN, SKY = (
@@ -136,7 +136,7 @@ def name_of(row: Row, name: str = "") -> str:
     """Return an estimator's name, or `name`, with why it is not ranked."""
     standing = " (bound)" if row["bound"] else " (centralised)" * bool(row["centralised"])
     standing = " (offline)" if row.get("offline", False) else standing
-    return (name or shorten_labels(str(row["estimator"]))) + standing + UNRANKED * is_refused(row["certificate"])
+    return (name or drop_folders(str(row["estimator"]))) + standing + UNRANKED * is_refused(row["certificate"])
 
 
 def _line_of(row: Row, line: Any) -> Any:

@@ -115,7 +115,7 @@ def _study(group: list[StoredRun]) -> BoardStudy:
         shown = {"estimator": _name(cell[1]), "group": letters.get(cell[0], {}).get(cell[1], "")}
         table.append({**row, **known, **shown})
     place = {str(s): i for i, s in enumerate(numbers.table["scenario"].unique())}
-    table.sort(key=lambda row: (place[row["scenario"]], row["group"] or "~", row["estimator"]))
+    table.sort(key=lambda row: (place[row["scenario"]], row["group"][-1:] or "~", row["group"][:1], row["estimator"]))
     return BoardStudy(numbers, [run.folder for run in group], table)
 
 

@@ -50,11 +50,12 @@ def short_labels(labels: Iterable[str], variants: Mapping[str, str] | None = Non
         method, _, settings = shown.removesuffix("]").partition("[")
         if files[without := method.rpartition("/")[2]] == 1:
             method = without  # of an estimator in a file, where no other folder has one of its name
+        shown = f"{method}[{settings}]" if settings else method
         name = names.get(sort_parameters(settings)) if settings else None
         if len(method) > longest:
             method, settings = method[: longest - 1] + "…", ",".join(filter(None, (method, settings)))
         if not settings or (len(shown) <= longest and not name):
-            short[label] = method if not settings else shown
+            short[label] = shown if settings else method
             continue
         again, place = divmod(len(letters), 26)
         letter = name or string.ascii_lowercase[place] + (str(again) if again else "")

@@ -69,6 +69,14 @@ def test_a_parameter_of_estimators_is_swept_too_on_the_scale_where_its_values_ar
     plt.close("all")
 
 
+def test_of_an_estimator_in_a_file_the_last_folder_alone_is_shown():
+    ax = cl.plot.rmse(rows_of("nlos", {f"/a/{'deep/' * 40}new/mine.py:Mine[gate=9]": (1.0, 1.0), "arl": (1.0, 1.0)}))
+    assert ax.get_legend_handles_labels()[1] == ["new/mine.py:Mine[gate=9]", "arl"]
+    ax.figure.canvas.draw()
+    assert ax.get_position().width > 0.3
+    plt.close("all")
+
+
 @pytest.mark.slow
 def test_the_labels_of_many_scenarios_do_not_overlap():
     ax = cl.plot.rmse(pd.concat([rows_of(f"robots-1-3/n={i}[ticks=50,drop=0.{i}]", TEAM) for i in range(1, 25)]))

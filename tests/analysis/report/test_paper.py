@@ -114,9 +114,11 @@ def test_by_default_three_figures_and_one_table_are_written_in_the_order_of_a_pa
 
 def test_a_long_label_is_short_and_equal_settings_have_equal_letters():
     long = "particles=500,anchor_reading=rssi"
-    names = ["arl", "arl[K=1]", f"mrsl-rssi[{long}]", f"rssi-pf[{long}]", "mrsl-rssi[particles=900,M=1]", "my/f.py:F"]
+    names = ["arl", "arl[K=1]", f"mrsl-rssi[{long}]", f"rssi-pf[{long}]", "mrsl-rssi[particles=900,M=1]"]
+    names += ["my/f.py:F", "my/g.py:G[a=1]"]
     found = short_labels(names)
-    assert [*found.short.values()] == ["arl", "arl[K=1]", "mrsl-rssi [a]", "rssi-pf [a]", "mrsl-rssi [b]", "f.py:F"]
+    shown = ["arl", "arl[K=1]", "mrsl-rssi [a]", "rssi-pf [a]", "mrsl-rssi [b]", "f.py:F", "g.py:G[a=1]"]
+    assert [*found.short.values()] == shown
     assert found.legend(names[:3]) == ["[a] particles=500, anchor_reading=rssi"]
     assert len("arl[K=1]") <= LONGEST < len(names[2])
     two = ["old/f.py:F", "new/f.py:F[a=1]"]
