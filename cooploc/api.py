@@ -44,7 +44,7 @@ from cooploc.estimators.errors import BadInput
 from cooploc.scenarios import family, simulate
 from cooploc.scenarios.runner.run import list_table, run
 from cooploc.scenarios.scenario import split_family
-from cooploc.scenarios.studies.study import Study, load
+from cooploc.scenarios.studies.study import Study, is_scenario, load, study_of_scenario
 from cooploc.terminal import tables
 from cooploc.terminal.console import TerminalProgress
 
@@ -161,8 +161,9 @@ def run_study(
     a row stopped early: stopping makes them a little too large.
 
     Args:
-        study: a shipped study (`cl.list_studies()`), or the path of a study's TOML file.
-        trials: of each scenario; the study's where not given.
+        study: a shipped study (`cl.list_studies()`), the path of a study's TOML file, or a scenario's label, which may
+            be swept, "trajectory[eta={2,3,4}]": its estimators are compared with the first of them.
+        trials: of each scenario; the study's where not given, of a label 20.
         max_trials: instead of `trials`: those at which what is still undecided ends, such as 1000.
         ledger: the claims that are to be decided then.
         seed: the random seed; the study's where not given.
@@ -231,7 +232,11 @@ def _read_study(study: Any, trials: Any, seed: Any, estimators: Any) -> Study:
     only = None if estimators is None else tuple(named)
     if only == ():
         raise BadInput("estimators is empty: name some, or leave it out for the study's")
-    return load(str(study)).replace_options(trials=trials, seed=seed, only=only)
+    if not is_scenario(str(study)):
+        return load(str(study)).replace_options(trials=trials, seed=seed, only=only)
+    if only is None:
+        raise BadInput(f"{study} is a scenario: name the estimators that run there, such as --estimators arl,ekf-ci")
+    return study_of_scenario(str(study), only).replace_options(trials=trials, seed=seed)
 
 
 def _compare_with_baselines(rows: pd.DataFrame, baselines: Any, decisions: pd.DataFrame | None) -> pd.DataFrame:

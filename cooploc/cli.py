@@ -4,6 +4,7 @@ Every command imports what it needs when it runs, so that `cooploc --help` is qu
 """
 
 import os
+import shlex
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -22,7 +23,12 @@ app = typer.Typer(
 
 # Arguments and options that several commands have.
 
-StudyName = Annotated[str, typer.Argument(help="a shipped study, a problem such as arena-3@1, or a study's TOML file")]
+StudyName = Annotated[
+    str,
+    typer.Argument(
+        help="a shipped study, a problem such as arena-3@1, a study's TOML file, or with --estimators a scenario"
+    ),
+]
 Estimators = Annotated[str | None, typer.Option(help="comma-separated estimators, instead of the study's")]
 Jobs = Annotated[int, typer.Option(help="number of processes")]
 RunDirectory = Annotated[Path, typer.Argument(help="a run directory")]
@@ -169,7 +175,8 @@ def plan(
     """
     how: dict[str, Any] = {"seed": seed, "estimators": estimators, "jobs": jobs, "data": data, "out": out}
     terminal.tables.show_plan(cl.plan(study, difference=difference, isolate=isolate, **how), difference, jobs)
-    typer.echo(f"next: cooploc run {study} --until-decided, or --trials N")
+    asked = ["cooploc", "run", study, *(["--estimators", estimators] if estimators else [])]
+    typer.echo(f"next: {shlex.join(asked)} --until-decided, or --trials N")
 
 
 @app.command()

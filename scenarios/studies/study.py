@@ -36,9 +36,10 @@ from cooploc.estimators import configure
 from cooploc.estimators.building import ConfiguredEstimator
 from cooploc.estimators.errors import BadInput, first_reason, nearest
 from cooploc.estimators.label_syntax import MOST_LABELS, expand, shorten_labels, write_out_variants
+from cooploc.estimators.plugin_files import is_file
 from cooploc.estimators.registry import source_of
 from cooploc.scenarios import resolve
-from cooploc.scenarios.scenario import ResolvedScenario
+from cooploc.scenarios.scenario import ResolvedScenario, split_family
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -219,6 +220,20 @@ def load(which: str, including: tuple[str, ...] = ()) -> Study:
     except BadInput as e:
         raise BadInput(f"{which}: {e}") from None
     return study
+
+
+def is_scenario(label: str) -> bool:
+    """Return whether a label is that of a scenario, or of a sweep of some, and no study is called so."""
+    family = split_family(label.partition("[")[0])[0]
+    is_study = label.endswith(".toml") or label in names() or label in problem_tables()
+    return not is_study and (registry.REGISTRY.has(family) or is_file(family))
+
+
+def study_of_scenario(label: str, estimators: Labels) -> Study:
+    """Return a study of a scenario, or of a sweep of some: twenty trials, compared with the first estimator."""
+    name = re.sub(r"[^\w.=-]+", "-", label.replace("={", "=")).strip("-")[:100]
+    content = {"name": name, "title": label[:130], "trials": 20, "scenarios": (label,), "estimators": estimators}
+    return _validate(content, label)
 
 
 def _validate(content: dict[str, Any], where: str) -> Study:

@@ -55,6 +55,8 @@ def test_json_is_the_only_thing_on_stdout_and_has_the_fields_of_the_csv_file(ran
     ("arguments", "said"),
     [
         (["run", "quik"], "there is no study 'quik'; did you mean 'quick'?"),
+        (["run", "nlos/n=2"], "nlos/n=2 is a scenario: name the estimators that run there, such as --estimators arl"),
+        (["run", "nlos/m=2", "--estimators", "arl"], "scenario 'nlos' has no 'm=2'; known are bias=..., n=..."),
         (["run", "nothing.toml"], "there is no file nothing.toml; check its path"),
         (["run", "quick", "--trials", "many"], "--trials"),
         (["run", "quick", "--seed", "-1"], "seed: it must be at least 0, not -1"),

@@ -159,3 +159,15 @@ def test_a_run_of_a_problem_names_it_and_says_where_its_streams_are_others(tmp_p
     for given in ({"trials": 19}, {"seed": 2}):
         with pytest.raises(cl.BadInput, match="arena-3@1 fixes"):
             cl.run_study("arena-3@1", out=tmp_path, **given)
+
+
+def test_a_scenarios_label_is_a_study_of_the_estimators_that_are_named(tmp_path):
+    label, estimators = "trajectory[ticks=4,eta={2,3}]", ["dead-reckoning", "ekf-{local,ci}"]
+    results = cl.run_study(label, estimators=estimators, trials=2, out=tmp_path / "run")
+    labels = ["trajectory[ticks=4,eta=2]", "trajectory[ticks=4,eta=3]"]
+    assert list(results.table["scenario"].unique()) == labels
+    assert set(results.table["estimator"]) == {"dead-reckoning", "ekf-local", "ekf-ci"}
+    assert set(results.table["baseline"]) == {"dead-reckoning"}
+    assert study.study_of_scenario(label, ("arl",)).folder_name() == "trajectory-ticks=4-eta=2-3-seed1"
+    assert [study.is_scenario(one) for one in ("w.py:W/n=2", "camera/n=2", "camera[ticks={1,2}]")] == [True] * 3
+    assert [study.is_scenario(one) for one in ("quick", "nlos", "arena-3@1", "my.toml", "my")] == [False] * 5
