@@ -294,15 +294,14 @@ def outlier_warnings(table: pd.DataFrame) -> list[str]:
 
 def reading_warnings(table: pd.DataFrame) -> list[str]:
     """Return a sentence where estimators of a scenario read different things of their own, as RSSI or its direction."""
-    read = table[["scenario", "estimator", "senses"]].fillna("").to_dict("records")
-    for row in read:
-        row["own"] = ", ".join(one for one in row["senses"].split(", ") if not one.startswith(OF_TEAM))
-    rows = pd.DataFrame([row for row in read if row["own"] not in ("", "odometry")], columns=[*table, "own"])
+    own = [", ".join(w for w in text.split(", ") if not w.startswith(OF_TEAM)) for text in table["senses"].fillna("")]
+    rows = table.assign(own=own)[["scenario", "estimator", "own"]]
+    rows = rows[~rows["own"].isin(["", "odometry"])]
     differ = rows[rows.groupby("scenario")["own"].transform("nunique") > 1]
     if differ.empty:
         return []
     named = differ.groupby("own", sort=False)["estimator"].unique()
-    parts = [f"{own} ({_first_names(list(map(drop_folders, names)))})" for own, names in named.items()]
+    parts = [f"{read} ({_first_names(list(map(drop_folders, names)))})" for read, names in named.items()]
     return [f"estimators differ in what they read, not in their methods alone: {', '.join(parts)}"]
 
 
