@@ -421,8 +421,8 @@ def select(
 ) -> StoredRun:
     """Return the part of a run with these estimators and scenarios alone, compared with `baseline`; all where empty.
 
-    A scenario's name without parameters selects all that it has. A scenario whose baseline is not among its estimators
-    has the first of them as its baseline.
+    A name of which the run has no scenario, but some with parameters, selects these. A scenario whose baseline is not
+    among its estimators has the first of them as its baseline.
 
     Raises:
         BadInput: the run has no estimator or scenario of a name, or was decided against another baseline.
@@ -433,6 +433,7 @@ def select(
     names = {shown: name for name in there for shown in (name, shorten_labels(name))}
     asked = [*estimators, *filter(None, [baseline])]
     families = {label: split_family(label.partition("[")[0])[0] for label in cells}
+    families = {label: name for label, name in families.items() if name not in cells}
     for what, wanted, known in (("estimator", asked, names), ("scenario", scenarios, [*cells, *families.values()])):
         for one in wanted:
             if one not in known:
@@ -443,7 +444,7 @@ def select(
     for scenario, cell in cells.items():
         mine = {name: count for name, count in cell["estimators"].items() if name in only}
         first = next((one for one in (names.get(baseline), cell["baseline"], *mine) if one in mine), "")
-        if mine and (not scenarios or {scenario, families[scenario]} & {*scenarios}):
+        if mine and (not scenarios or {scenario, families.get(scenario)} & {*scenarios}):
             chosen[scenario] = {**cell, "baseline": first, "estimators": mine}
     moved = any(cell["baseline"] != cells[scenario]["baseline"] for scenario, cell in chosen.items())
     if moved and run.decisions is not None:

@@ -125,7 +125,7 @@ def draw_experiment(
         parts = [ended[label] for label in shown[i : i + across]]
         yield RunFigure(results.ranking(parts, pens, names.shorten, medium), ["rmse", shown[i]], DOTS, pd.concat(parts))
     for label in filter(ended.__contains__, costly if kind == "" else ()):
-        for parameter, part in rows_of_estimator_sweeps(ended[label]).items():
+        for parameter, part in rows_of_estimator_sweeps(rows[rows["scenario"] == label]).items():
             own = style.pens(map(str, part["family"]))
             figure = results.sweep_panels(part.assign(estimator=part["family"]), own, names.shorten, medium)
             caption = OVER.format(results.SWEPT.get(parameter, parameter), label, HOLLOW)

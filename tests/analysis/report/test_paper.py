@@ -91,6 +91,10 @@ def test_what_does_not_fit_or_is_unknown_is_said(kept):
     with pytest.raises(BadInput, match="no figure 'anes'; did you mean 'anees'"):
         paper.write(kept, kept.folder / "no", figures=["anes"])
     assert list(select(kept, scenarios=["packet-drop"]).manifest["cells"]) == list(kept.manifest["cells"])[:3]
+    own = kept._replace(
+        manifest={**kept.manifest, "cells": {**kept.manifest["cells"], "nlos": kept.manifest["cells"]["nlos[ticks=8]"]}}
+    )
+    assert list(select(own, scenarios=["nlos"]).manifest["cells"]) == ["nlos"]
     with pytest.raises(BadInput, match=r"no scenario 'nlos\[ticks=9\]'; did you mean 'nlos"):
         select(kept, scenarios=["nlos[ticks=9]"])
 
