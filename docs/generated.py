@@ -93,8 +93,6 @@ def _listed(texts: Iterable[str]) -> str:
     for line in "\n\n".join(texts).replace("*", "\\*").splitlines():
         if begins := re.match(r" {4}(\w+): (.*)", line):
             lines.append(f"- `{begins[1]}`: {begins[2]}")
-        elif line.startswith(" " * 8):
-            lines[-1] += f" {line.strip()}"
         else:
             lines += [line, ""] if line.endswith(":") else [line]
     return "\n".join(lines).strip()

@@ -1,9 +1,11 @@
 """What is printed of names: lists of what there is, and what one name stands for, with its parameters."""
 
 import inspect
+import re
 from collections.abc import Iterator
 from dataclasses import fields, is_dataclass
 from importlib.resources import files
+from textwrap import fill
 from typing import Any
 
 import pandas as pd
@@ -71,7 +73,7 @@ def show_name(name: str) -> None:
     """
     console, own, problems, found = make_console(), parse(name)[0], studies.list_problems(), list[Any]()
     if own in estimators.names() or is_file(own):
-        found += about_estimator(name)
+        found += [_wrap(text, console.width) for text in about_estimator(name)]
     if split_family(own)[0] in scenarios.names():
         found += about_scenario(name)
     if name in studies.names():
@@ -93,10 +95,17 @@ def about_estimator(label: str) -> Iterator[str]:
     values = {name: getattr(made, name) for name in names}
     written = (f"{key}={str(value).lower() if isinstance(value, bool) else value}" for key, value in values.items())
     about = (inspect.getdoc(type(made)) or "").replace("\nArgs:\n", "\nParameters:\n").replace("\n\n\n", "\n\n")
-    yield f"estimator {label}: {about.rstrip()}\n"
+    one_line_each = re.sub(r"\n {8,}", " ", about.rstrip())
+    yield f"estimator {label}: {one_line_each}\n"
     yield f"values: {', '.join(written) or 'it has no parameters'}"
     yield f"uses: {', '.join(made.uses).replace('|', ' or ')}"
     yield f"source: {source_of(type(made)) or 'not said'}\n"
+
+
+def _wrap(text: str, width: int) -> str:
+    """Return a text in lines of that width, of which those of a parameter are indented."""
+    lines = ((line, " " * 8 * line.startswith(" ")) for line in text.split("\n"))
+    return "\n".join(fill(line, width, subsequent_indent=more, break_on_hyphens=False) for line, more in lines)
 
 
 def about_scenario(label: str) -> Iterator[Any]:
