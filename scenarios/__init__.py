@@ -204,12 +204,17 @@ def list_scenarios() -> "DataFrame":
             continue
         known = family(name)
         model = known.model_class(name)
-        labels = [f"{name}/{key}=…" for key in known.sweep] + [f"{name}/{word}" for word in known.variants]
-        labels += [f"{name}/{known.word.upper()}"] if known.word else []
         parameters = ", ".join(field for field in model.model_fields if field != "data")
-        rows.append([name, known.about, ", ".join(labels or [name]), parameters, source_of(model), ""])
+        rows.append([name, known.about, labels_of(name, known), parameters, source_of(model), ""])
     rows += [[name, "", "", "", "", why] for name, why in problems.items()]
     return DataFrame(rows, columns=["name", "about", "labels", "parameters", "source", "problem"])
+
+
+def labels_of(name: str, known: Family) -> str:
+    """Return how the members of a family of scenarios are written."""
+    labels = [f"{name}/{key}=…" for key in known.sweep] + [f"{name}/{word}" for word in known.variants]
+    labels += [f"{name}/{known.word.upper()}"] if known.word else []
+    return ", ".join(labels or [name])
 
 
 sys.modules[__name__].__class__ = CallablePackage

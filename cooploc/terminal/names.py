@@ -72,9 +72,11 @@ def show_name(name: str) -> None:
 
     """
     console, own, problems, found = make_console(), parse(name)[0], studies.list_problems(), list[Any]()
-    if own in estimators.names() or is_file(own):
+    family = split_family(own)[0]
+    has_world = is_file(family) and isinstance(scenarios.REGISTRY.find(family), scenarios.Family)
+    if own in estimators.names() or (is_file(own) and not has_world):
         found += [_wrap(text, console.width) for text in about_estimator(name)]
-    if split_family(own)[0] in scenarios.names():
+    if has_world or family in scenarios.names():
         found += about_scenario(name)
     if name in studies.names():
         content = (files(studies.__package__) / f"{name}.toml").read_text(encoding="utf-8")
@@ -111,12 +113,12 @@ def _wrap(text: str, width: int) -> str:
 def about_scenario(label: str) -> Iterator[Any]:
     """Yield what a scenario is, and its parameters with their values, units and meanings."""
     name = split_family(parse(label)[0])[0]
-    known, listed = scenarios.family(name), scenarios.list_scenarios().set_index("name").loc[name]
+    known = scenarios.family(name)
+    model = known.model_class(name)
     yield f"scenario {label}: {known.about}\n"
-    yield f"labels: {listed['labels']}"
-    yield f"source: {listed['source'] or 'not said'}"
+    yield f"labels: {scenarios.labels_of(name, known)}"
+    yield f"source: {source_of(model) or 'not said'}"
     if known.recorded:  # which is not read here
-        model = known.model_class(name)
         settings = {key: one.default for key, one in model.model_fields.items() if not one.is_required()}
     else:
         settings = scenarios.resolve(label).settings

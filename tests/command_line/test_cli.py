@@ -122,9 +122,15 @@ def test_a_list_in_a_pipe_is_as_wide_as_a_page(tmp_path):
         ("mrclam/one", ("five real robots", " sigma_bearing   0.02   rad ")),
         ("arena-3@1", ("5a514eeed05fa98c",)),
         ("dead-reckoning", ("values: it has no parameters",)),
+        (
+            "w.py:Office/n=7",
+            ("scenario w.py:Office/n=7: an office", "labels: w.py:Office/n=", " robots              7 "),
+        ),
     ],
 )
 def test_a_name_is_explained_with_its_parameters(name, said, tmp_path, monkeypatch, capsys):
+    world = "from cooploc.scenarios import PAPER, Family\nOffice = Family('an office', PAPER, sweep={'n': 'robots'})\n"
+    (tmp_path / "w.py").write_text(world)
     told = inside("list", name, cwd=tmp_path).stdout
     assert all(words in told for words in said), told
     monkeypatch.chdir(tmp_path)

@@ -66,7 +66,11 @@ def test_a_parameter_of_estimators_is_swept_too_on_the_scale_where_its_values_ar
     grid = pd.concat([rows_of(f"nlos/n={n}[eta={eta}]", team) for n, team in both for eta in (2, 3, 4)])
     panels = cl.plot.rmse(grid).figure.axes
     assert [panel.get_xlabel() for panel in panels] == ["path-loss exponent"] * 2
-    assert panels[0].get_ylim() == panels[1].get_ylim()
+    assert [panel.get_ylabel() for panel in panels] == ["position RMSE [m]", ""]
+    assert panels[0].get_ylim() == panels[1].get_ylim() == pytest.approx((0.8 * 0.4, 1.25 * 4.5), rel=0.1)
+    of_panels = [{float(y) for line in panel.lines for y in line.get_ydata()} for panel in panels]
+    assert max(of_panels[0]) < 1 < min(of_panels[1])
+    assert [panel.get_title(loc="left") for panel in panels] == ["nlos/n=1", "nlos/n=2"]
     assert cl.plot.rmse(grid, ax=plt.figure().subplots()).get_xlabel() == ""  # side by side, in one panel
     plt.close("all")
 
