@@ -51,6 +51,7 @@ MOST_PANELS = 6  # of sweeps
 TOGETHER = 6  # estimators that can still be distinguished in one panel
 MOST = 24  # estimators of an overview
 LETTER = 0.09  # [in] that a letter of a tick is wide
+KEY, KEY_LETTER = 0.45, 0.05  # [in] that a marker of a legend and a letter beside it are wide
 
 
 # ------------------------------------------------------------------------------------------------ on a screen
@@ -321,8 +322,8 @@ def compose(
     a legend of `entries`.
     """
     across = min(len(draws), across or medium.across)
-    down, lines = ceil(len(draws) / across), ceil(entries / medium.keys)
-    height = min(size[1] * down + 0.15 * lines + 0.3 * (down > 1), style.TALLEST)
+    down = ceil(len(draws) / across)
+    height = size[1] * down + 0.3 * (down > 1)
     with mpl.rc_context(medium.rc):
         figure = Figure(figsize=(size[0], height), layout="constrained")
         axes: Any = figure.subplots(down, across, sharey=True, sharex=shared and down > 1, squeeze=False)
@@ -338,7 +339,12 @@ def compose(
             ax.remove()
         if entries:
             tight = {"fontsize": style.TEXT, "handlelength": 2.2, "columnspacing": 1.0, "labelspacing": 0.2}
-            style.add_legend_below(axes.flat[: len(draws)], min(entries, medium.keys), **tight)
+            panels = axes.flat[: len(draws)]
+            longest = max((len(label) for ax in panels for label in ax.get_legend_handles_labels()[1]), default=0)
+            keys = max(1, min(entries, medium.keys, int(size[0] / (KEY + KEY_LETTER * longest))))
+            style.add_legend_below(panels, keys, **tight)
+            height += 0.15 * ceil(entries / keys)
+        figure.set_size_inches(size[0], min(height, style.TALLEST))
     return figure
 
 

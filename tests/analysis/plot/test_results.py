@@ -6,8 +6,11 @@ import matplotlib.pyplot as plt
 import pandas as pd
 import pytest
 from made_runs import rows_of
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 import cooploc as cl
+from cooploc.analysis.metrics.compare import compare
+from cooploc.analysis.plot import results, style
 from cooploc.analysis.plot.results import frontier
 
 TEAM = {"arl": (0.5, 1.0), "ekf-local": (0.4, 9.0)}
@@ -73,6 +76,17 @@ def test_a_parameter_of_estimators_is_swept_too_on_the_scale_where_its_values_ar
     assert [panel.get_title(loc="left") for panel in panels] == ["nlos/n=1", "nlos/n=2"]
     assert cl.plot.rmse(grid, ax=plt.figure().subplots()).get_xlabel() == ""  # side by side, in one panel
     plt.close("all")
+
+
+@pytest.mark.parametrize("columns", [1, 2])
+def test_a_legend_of_long_names_stays_in_its_figure(columns):
+    names = {f"mrsl-rssi[particles={n}]": (1.0, 1.0) for n in range(100, 1000, 100)}
+    table = compare(rows_of("nlos", names), next(iter(names)), full=True).assign(floor=0.1)
+    figure = results.scatter(table, ("bytes",), style.pens(names), str, style.PAPER[columns])
+    FigureCanvasAgg(figure).draw()
+    legend = figure.legends[0].get_window_extent()
+    assert 0 <= legend.x0 < legend.x1 <= figure.bbox.width
+    assert figure.axes[0].get_position().height > 0.3
 
 
 def test_of_an_estimator_in_a_file_the_last_folder_alone_is_shown():
