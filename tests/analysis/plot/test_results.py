@@ -64,6 +64,8 @@ def test_a_parameter_of_estimators_is_swept_too_on_the_scale_where_its_values_ar
     assert [text.get_text() for text in ax.get_xticklabels()] == ["50", "200", "800"]
     even = cl.plot.rmse(pd.concat([rows_of(f"nlos[eta={eta}]", TEAM) for eta in (2, 3, 4)]))
     assert (even.get_xlabel(), even.get_xscale()) == ("path-loss exponent", "linear")
+    close = cl.plot.rmse(pd.concat([rows_of(f"packet-drop/drop={d}", TEAM) for d in (0, 0.01, 0.5, 1)]))
+    assert [text.get_text() for text in close.get_xticklabels()] == ["", "0.01", "0.5", "1"]
     larger = {name: (9 * rmse, anees) for name, (rmse, anees) in TEAM.items()}
     both = enumerate((TEAM, larger), 1)
     grid = pd.concat([rows_of(f"nlos/n={n}[eta={eta}]", team) for n, team in both for eta in (2, 3, 4)])

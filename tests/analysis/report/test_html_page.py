@@ -115,6 +115,11 @@ def test_a_scenario_of_two_experiments_is_in_both_with_the_estimators_that_it_ha
     assert more.experiments["first"][DROPS[0]] == ["d"]  # run with --estimators, of no block
 
 
+def test_a_page_draws_what_estimators_sweep(tmp_path):
+    rows = rows_of("nlos", {f"arl[particles={n}]": (1.0, 1.0) for n in (50, 100, 200)})
+    assert "Position RMSE over particles in nlos" in page(kept_from(rows, tmp_path), tmp_path)
+
+
 def test_variants_share_a_panel_and_every_estimator_has_one(swept):
     table = compare(swept, "base", full=True).assign(floor=0.01)
     names = ["arl", "arl[K=1]", "arl[M=1]", "b", "c", "d[x=1]", "e"]
