@@ -64,10 +64,12 @@ def list_(
     what: Annotated[str, typer.Argument(help=f"{', '.join(KINDS)} [default: all of them], or one name of these")] = "",
 ) -> None:
     """List estimators, scenarios, studies and problems, or say what one is."""
-    from cooploc.terminal.names import show_list, show_name
+    from cooploc.estimators.errors import nearest
+    from cooploc.terminal.names import all_names, show_list, show_name
 
     if what and what not in KINDS:
-        show_name(what)
+        if not show_name(what):
+            raise cl.BadInput(f"nothing is called {what!r}; {nearest(what, all_names())}")
         return
     for one in [what] if what else KINDS:
         show_list(one, getattr(cl, f"list_{one}")())

@@ -14,7 +14,6 @@ from cooploc import estimators, scenarios
 from cooploc.analysis.formats import duration
 from cooploc.analysis.report.result_tables import parameter_table, parameter_text
 from cooploc.analysis.report.tables import frame
-from cooploc.estimators.errors import BadInput, nearest
 from cooploc.estimators.label_syntax import parse
 from cooploc.estimators.plugin_files import is_file
 from cooploc.estimators.registry import source_of
@@ -54,22 +53,10 @@ def show_list(kind: str, listed: pd.DataFrame) -> None:
     console.print(f"{NOTES}\n" if kind == "estimators" else "")
 
 
-def is_name(text: str) -> bool:
-    """Return whether something that can be listed is called so, or is a configuration of it."""
-    try:
-        own = parse(text)[0]
-        families = estimators.names(), scenarios.names(), studies.names(), studies.problem_tables()
-        return is_file(own) or any(one in known for known in families for one in (own, split_family(own)[0]))
-    except BadInput:
-        return False
+def show_name(name: str) -> bool:
+    """Print what a name stands for, and return whether anything is called so.
 
-
-def show_name(name: str) -> None:
-    """Print what a name stands for: an estimator or a scenario with its parameters, a study's file, a problem.
-
-    Raises:
-        BadInput: nothing is called so.
-
+    Of an estimator or a scenario it is what its parameters mean, of a study its file, of a problem its row.
     """
     console, own, problems, found = make_console(), parse(name)[0], studies.list_problems(), list[Any]()
     family = split_family(own)[0]
@@ -83,11 +70,14 @@ def show_name(name: str) -> None:
         found += [f"study {name}, a file like this:\n", content]
     for one in found:
         console.print(one)
-    if name in set(problems["name"]):
+    if is_problem := name in set(problems["name"]):
         show_list("problem", problems[problems["name"] == name])
-    elif not found:
-        known = [*estimators.names(), *scenarios.names(), *studies.names(), *problems["name"]]
-        raise BadInput(f"nothing is called {name!r}; {nearest(name, known)}")
+    return is_problem or bool(found)
+
+
+def all_names() -> list[str]:
+    """Return every name that can be explained."""
+    return [*estimators.names(), *scenarios.names(), *studies.names(), *studies.problem_tables()]
 
 
 def about_estimator(label: str) -> Iterator[str]:

@@ -45,7 +45,7 @@ from cooploc.scenarios.conformance import FIRST, Report
 from cooploc.scenarios.recordings.scenario import NO_ORDER
 from cooploc.scenarios.studies.study import Study, stream_sentence
 from cooploc.terminal.console import make_console
-from cooploc.terminal.names import is_name, show_name
+from cooploc.terminal.names import show_name
 
 ONE_PROCESS = "all or some of this ran in one process (--no-isolate): estimators may have disturbed each other"
 INTERVALS = "in brackets: 95 % intervals over trials; "
@@ -261,8 +261,7 @@ def show(what: str | PathLike[str] | pd.DataFrame, ledger: str | Path | None = N
         return
     if not isinstance(what, str | PathLike):
         raise BadInput(f"this is of type {type(what).__name__}: {SHOWN}")
-    if isinstance(what, str) and not Path(what).exists() and is_name(what):
-        show_name(what)
+    if isinstance(what, str) and not Path(what).exists() and show_name(what):
         return
     held, console = read_run(what, empty=True), make_console()
     manifest, decisions, certificates = held.manifest, held.decisions, held.manifest["certificates"]
