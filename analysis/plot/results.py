@@ -93,7 +93,7 @@ def _draw_sweeps(ax: Axes | None, along: pd.DataFrame, pens: Pens, height: float
     across, size = min(len(families), 3), (6.5, height) if len(families) == 1 else (4.0, 3.2)
     axes = [ax] if ax else style.new_panels(len(families), across, size, sharey=True)
     for k, (one, family) in enumerate(zip(axes, families, strict=True)):
-        draw_curves(one, along[along["rmse"].notna() & (along["family"] == family)], pens)
+        draw_curves(one, along[along["family"] == family], pens)
         above = f"{family}, {about}" if len(families) == 1 else str(family)
         style.finish(one, SWEPT.get(name, name), RMSE * (k % across == 0), above)
     low, high = span(along, "rmse", "floor")

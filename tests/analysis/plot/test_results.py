@@ -3,6 +3,7 @@
 from itertools import pairwise
 
 import matplotlib.pyplot as plt
+import numpy as np
 import pandas as pd
 import pytest
 from made_runs import rows_of
@@ -55,6 +56,15 @@ def test_a_sweep_is_drawn_as_lines_and_other_scenarios_side_by_side():
     assert [text.get_text() for text in ax.get_xticklabels()] == ["0", "0.5", "0.9"]
     beside = cl.plot.rmse(pd.concat([swept, rows_of("nlos", TEAM)]))
     assert (beside.get_xlabel(), len(beside.get_xticklabels())) == ("", 4)
+
+
+def test_where_an_estimator_failed_its_curve_has_a_gap():
+    lost = [rows_of(f"nlos[eta={eta}]", {"arl": (0.5, 1.0)}) for eta in (2, 3, 4)]
+    lost[1]["mse"] = np.nan
+    swept = pd.concat([*lost, *(rows_of(f"nlos[eta={eta}]", {"ekf-local": (0.4, 1.0)}) for eta in (2, 3, 4))])
+    curves = [line.get_ydata() for line in cl.plot.rmse(swept).lines if list(line.get_xdata()) == [2, 3, 4]]
+    assert [list(np.isnan(curve)) for curve in curves] == [[False, True, False], [False] * 3]
+    plt.close("all")
 
 
 def test_a_parameter_of_estimators_is_swept_too_on_the_scale_where_its_values_are_more_even():
