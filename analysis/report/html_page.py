@@ -274,7 +274,7 @@ def first_figure(numbers: Numbers, counter: Iterator[int]) -> dict[str, Any]:
     if 0 < ended["scenario"].nunique() <= FEW:
         parts = [part for _, part in ended.groupby("scenario", sort=False)]
         return show(RunFigure(results.ranking(parts, numbers.pens, numbers.names.shorten), [], DOTS, ended), counter)
-    baselines = ", ".join(map(numbers.names.shorten, dict.fromkeys(ended["baseline"])))
+    baselines = ", ".join(map(numbers.names.shorten, dict.fromkeys(numbers.table["baseline"])))
     number, most = ended["estimator"].nunique(), results.MOST
     some = f" Shown are the {most} of {number} that ran in the most scenarios." * (number > most)
     caption = (
@@ -287,12 +287,12 @@ def first_figure(numbers: Numbers, counter: Iterator[int]) -> dict[str, Any]:
 
 def show(drawn: RunFigure, counter: Iterator[int]) -> dict[str, Any]:
     """Return a figure as the page shows it, and its scenario where it has only one."""
-    number, (scenario, *more) = next(counter), drawn.rows["scenario"].unique()
+    number, scenarios = next(counter), drawn.rows["scenario"].unique()  # none where all failed
     return {
         "anchor": f"figure-{number}",
         "svg": inline_svg(drawn.figure, number, drawn.caption.partition(". ")[0]),
         "caption": f"{drawn.caption} {run_numbers.trial_counts(drawn.rows)}.",
-        "scenario": "" if more else scenario,
+        "scenario": scenarios[0] if len(scenarios) == 1 else "",
     }
 
 

@@ -115,6 +115,12 @@ def test_a_scenario_of_two_experiments_is_in_both_with_the_estimators_that_it_ha
     assert more.experiments["first"][DROPS[0]] == ["d"]  # run with --estimators, of no block
 
 
+def test_a_run_in_which_everything_failed_has_a_page(tmp_path):
+    rows = pd.concat([rows_of(f"nlos[eta={eta}]", AB) for eta in (2, 3, 4)], ignore_index=True)
+    failed = rows.assign(failure="ValueError: no", traceback="there", **dict.fromkeys(("mse", "rmse", "anees"), np.nan))
+    assert "ValueError: no" in page(kept_from(failed, tmp_path), tmp_path)
+
+
 def test_a_page_draws_what_estimators_sweep(tmp_path):
     rows = rows_of("nlos", {f"arl[particles={n}]": (1.0, 1.0) for n in (50, 100, 200)})
     assert "Position RMSE over particles in nlos" in page(kept_from(rows, tmp_path), tmp_path)
