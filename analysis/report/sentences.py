@@ -157,6 +157,8 @@ def capped_list(names: Iterable[str]) -> str:
 
 def best_honest(found: list[Standing], table: pd.DataFrame) -> str:
     """Return which estimator is best in how many scenarios, its error and its lead, and with what it ties elsewhere."""
+    if table["rmse"].isna().all():
+        return "Every trial failed: failures below say why."
     if all(one.trials < LEAST_TRIALS for one in found):
         trials = count_of(int(table["trials"].max()), "trial")
         return f"Nothing is separable with {trials}, it takes {LEAST_TRIALS}."

@@ -118,7 +118,9 @@ def test_a_scenario_of_two_experiments_is_in_both_with_the_estimators_that_it_ha
 def test_a_run_in_which_everything_failed_has_a_page(tmp_path):
     rows = pd.concat([rows_of(f"nlos[eta={eta}]", AB) for eta in (2, 3, 4)], ignore_index=True)
     failed = rows.assign(failure="ValueError: no", traceback="there", **dict.fromkeys(("mse", "rmse", "anees"), np.nan))
-    assert "ValueError: no" in page(kept_from(failed, tmp_path), tmp_path)
+    written = page(kept_from(failed, tmp_path), tmp_path)
+    assert "ValueError: no" in written
+    assert "Every trial failed" in written
 
 
 def test_a_page_draws_what_estimators_sweep(tmp_path):
