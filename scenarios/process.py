@@ -117,7 +117,7 @@ def call(
     seconds: float = float("inf"),
     limit: float = float("inf"),
 ) -> Any:
-    """Call a function in a process of this owner, and return its result; what it prints is printed here.
+    """Call a function in a process of this owner, and return its result; what it prints comes on stderr.
 
     Raises:
         ProcessDied: its process died.
@@ -157,7 +157,7 @@ def wait_for(owner: str, future: "Future[Outcome]", seconds: float = float("inf"
         end(owner)
         raise
     if outcome.printed:
-        print(outcome.printed, end="")
+        print(outcome.printed, end="", file=sys.stderr)  # stdout is the table's, or JSON's
     return outcome.unpack()
 
 

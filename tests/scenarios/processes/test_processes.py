@@ -143,11 +143,13 @@ def test_an_estimator_of_a_notebook_that_ends_its_process_is_an_error_of_the_run
 
 
 @pytest.mark.slow
-def test_a_process_of_its_own_gives_the_bits_of_this_one_and_prints_here(capsys):
+def test_a_process_of_its_own_gives_the_bits_of_this_one_and_prints_on_stderr(capsys):
     _, stream = cl.simulate("trajectory", trials=3, ticks=5, seed=1)
     cls = careless(lambda: print("seen", os.getpid()))
     apart = cl.run({"mine": cls(), "dead": "dead-reckoning"}, stream)
-    pids = set(capsys.readouterr().out.split()) - {"seen"}
+    printed = capsys.readouterr()
+    pids = set(printed.err.split()) - {"seen"}
+    assert printed.out == ""  # where a table is, or JSON
     assert len(pids) == 1
     assert str(os.getpid()) not in pids
     here = cl.run({"mine": cls()}, stream, isolate=False)
