@@ -463,7 +463,7 @@ def reproduce(page: str | Path, trials: int = 6, data: str | Path | None = None,
     if found["equal"].all() and (Path(page) / PARTS).is_dir():
         with suppress(PermissionError):  # of somebody else's directory, which is then not confirmed
             again.confirm(Path(page), found)
-    return Reproduced(found, again.differences(embedded))
+    return Reproduced(found, again.differences(embedded, found["estimator"].unique()))
 
 
 def board(

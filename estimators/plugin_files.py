@@ -66,7 +66,7 @@ def _import_file(path: Path) -> ModuleType:
     try:
         source = path.read_bytes()
     except OSError:
-        raise BadInput(f"there is no file {path}; write path.py:Name") from None
+        raise BadInput(f"there is no file {path}; write path.py:Name, its path from this directory") from None
     digest, helpers = hashlib.sha256(str(path.resolve()).encode() + b"\0" + source), neighbours_of(path)
     for name, file in helpers:
         digest.update(name.encode() + b"\0" + file.read_bytes())

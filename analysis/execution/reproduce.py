@@ -3,13 +3,14 @@
 import hashlib
 import re
 from collections import Counter
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from cooploc.analysis.execution.provenance import fingerprint, provenance, version_changes
+from cooploc.analysis.execution.provenance import fingerprint, plugins, provenance, version_changes
 from cooploc.analysis.execution.run_directory import (
     FORMAT,
     MANIFEST,
@@ -83,11 +84,12 @@ def rerun(embedded: dict[str, Any], trials: int, data: Path | None = None, trust
         )
     for label in {one["estimator"] for wanted in drawn.values() for one in wanted}:
         make(label)  # an unknown name is bad input, not a failed trial
-    limit, seed = float(embedded["manifest"]["study"].get("time_limit", 600.0)), int(embedded["manifest"]["seed"])
+    run = embedded["manifest"]
+    limit, seed, isolate = float(run["study"].get("time_limit", 600.0)), int(run["seed"]), run.get("isolated", True)
     out = []
     for (scenario, trial), wanted in drawn.items():
         names = tuple(configure(one["estimator"]) for one in wanted)
-        task = Task(resolve(scenario, data), range(trial, trial + 1), seed, names, limit, isolate=False)
+        task = Task(resolve(scenario, data), range(trial, trial + 1), seed, names, limit, isolate=isolate)
         parts = {part.key.estimator: part.frame for part in compute_task(task)}
         out += [_compare_trial(one, parts[one["estimator"]]) for one in wanted]
     return pd.DataFrame(out)
@@ -128,10 +130,17 @@ def digest(rows: pd.DataFrame) -> str:
     return bits.hexdigest()
 
 
-def differences(embedded: dict[str, Any]) -> list[str]:
-    """Return what differs between this machine and the one where the report was made."""
+def differences(embedded: dict[str, Any], labels: Iterable[str] = ()) -> list[str]:
+    """Return what differs here from where the report was made: these estimators, libraries, cooploc, the processor."""
     then, here = embedded["manifest"], provenance()
-    unlike = [f"{name} {before} there, {now} here" for name, before, now in version_changes(then, here)]
+    files, imports = plugins(map(configure, labels))
+    known, imported = (then.get(what, {}) for what in ("files", "imports"))
+    unlike = [f"{name} is another version" for name, now in files.items() if known.get(name, now) != now]
+    for name, now in imports.items():
+        before = imported.get(name, now)
+        changed = [one for one in now if before.get(one) != now[one]]
+        unlike += [f"{name} uses {one} {before.get(one)} there, {now[one]} here" for one in changed]
+    unlike += [f"{name} {before} there, {now} here" for name, before, now in version_changes(then, here)]
     unlike += [f"{what} differs" for what in ("source", "cpu") if then.get(what) != here[what]]
     used = then.get("instructions", {})  # which earlier versions did not note
     return unlike + [

@@ -294,9 +294,8 @@ def show(what: str | PathLike[str] | pd.DataFrame, ledger: str | Path | None = N
         console.print(decision_line(held.rows, decisions))
     for label, certificate in certificates.items():
         console.print(f"\n{shorten_labels(label)}, {certificate['status']}: {certificate['found']}")
-        for one in certificate["checks"]:
-            if one["status"] != "passed":
-                console.print(f"  {one['check']} {one['status']}: {one['detail']}", style="dim")
+        for one in [one for one in certificate["checks"] if one["status"] == "failed"][1:]:
+            console.print(f"  {one['check']}: {one['detail']}", style="dim")
     if not manifest.get("isolated", True):
         console.print(ONE_PROCESS)
     for one in failures(failed):

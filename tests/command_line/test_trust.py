@@ -56,6 +56,11 @@ def test_nothing_but_reproduce_runs_code_that_a_run_names_and_that_asks(sent):
     assert again.returncode == 0, again.stderr
     assert "2 of 2 results are bit-equal" in again.stdout
     assert (sent / "ran").exists()
+    (sent / "evil.py").write_text(f"{EVIL}    def predict(self, s, z):\n        import os\n        os._exit(11)\n")
+    died = commanded("reproduce", "run/report", "--trust", "--trials", "1", cwd=sent)
+    assert died.returncode == 1, died.stderr
+    assert "its process died" in " ".join(died.stdout.split())  # not that of the command
+    assert "differs from that of the report: evil.py is another version" in died.stdout
 
 
 def test_text_is_shown_as_it_is_but_for_what_is_hidden():
