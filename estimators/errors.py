@@ -6,6 +6,7 @@ Its message is one line that states the fact, the place and the remedy; the comm
 import os
 import re
 import reprlib
+import sys
 import traceback
 from collections.abc import Mapping
 from difflib import get_close_matches
@@ -79,6 +80,16 @@ def places_of_user(e: BaseException) -> list[str]:
         where = ", ".join([*place, *[f"in {one.name}"] * (one.name != "<module>")])
         lines.append(f"{where}: {one.line}" if one.line else where)
     return lines
+
+
+def traceback_text(e: BaseException) -> str:
+    """Return a traceback as Python prints it, from a user's code on; an error of our own without any says it all."""
+    frames = e.__traceback__
+    while frames and frames.tb_frame.f_code.co_filename.startswith((OURS, sys.prefix, sys.base_prefix)):
+        frames = frames.tb_next
+    if not frames and type(e).__module__.startswith("cooploc."):
+        return one_line(e)
+    return "".join(traceback.format_exception(type(e), e, frames or e.__traceback__))
 
 
 def one_line(e: BaseException) -> str:

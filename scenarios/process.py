@@ -26,7 +26,7 @@ from typing import Any, NamedTuple
 
 import cloudpickle
 
-from cooploc.estimators.errors import OURS, BadInput, one_line, places_of_user
+from cooploc.estimators.errors import OURS, BadInput, one_line, places_of_user, traceback_text
 from cooploc.estimators.plugin_files import load, needed_files
 
 BUILTIN, PLUGINS, SESSION = "built in", "plug-ins", "session"  # owners: jobs, plug-ins of a study, objects in Python
@@ -80,8 +80,7 @@ class Outcome(NamedTuple):
                 found = pickle.dumps(e)
                 pickle.loads(found)
                 pickled = found
-        text, places = "".join(traceback.format_exception(e)), tuple(places_of_user(e))
-        return cls(pickled, printed, one_line(e), text, place_of(e), places)
+        return cls(pickled, printed, one_line(e), traceback_text(e), place_of(e), tuple(places_of_user(e)))
 
     def unpack(self) -> Any:
         """Return the result, or raise the exception, in the process that asked."""

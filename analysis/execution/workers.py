@@ -12,7 +12,6 @@ import multiprocessing
 import re
 import threading
 import time
-import traceback
 from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Future, wait
@@ -32,7 +31,7 @@ from cooploc.analysis.execution.run_directory import PartKey
 from cooploc.analysis.metrics.errors import COLUMNS, errors
 from cooploc.estimators import configure, make
 from cooploc.estimators.building import ConfiguredEstimator
-from cooploc.estimators.errors import BadInput, one_line
+from cooploc.estimators.errors import BadInput, one_line, traceback_text
 from cooploc.scenarios import BUILTIN as BUILTIN_SCENARIOS
 from cooploc.scenarios import resolve
 from cooploc.scenarios.process import (
@@ -41,6 +40,7 @@ from cooploc.scenarios.process import (
     SESSION,
     ProcessDied,
     ProcessHung,
+    RemoteTraceback,
     WorkerError,
     call,
     cause_of,
@@ -200,7 +200,7 @@ def _failed_rows(
 
 def explain_failure(e: BaseException) -> tuple[str, str]:
     """Return what a trial's code raised, and where, in one line and in full."""
-    full = "".join(traceback.format_exception(e))
+    full = str(e.__cause__) if isinstance(e.__cause__, RemoteTraceback) else traceback_text(e)
     if isinstance(e, ProcessDied | ProcessHung) or isinstance(e.__cause__, WorkerError):
         return one_line(e), full
     return f"{e if isinstance(e, WorkerError) else one_line(e)}{place_of(e)}", full

@@ -292,15 +292,17 @@ def show(what: str | PathLike[str] | pd.DataFrame, ledger: str | Path | None = N
     console.print(Table("contents", "", shown, rows).terminal())
     if decisions:
         console.print(decision_line(held.rows, decisions))
+    console.print()
     for label, certificate in certificates.items():
-        console.print(f"\n{shorten_labels(label)}, {certificate['status']}: {certificate['found']}")
+        console.print(f"{shorten_labels(label)}, {certificate['status']}: {certificate['found']}")
         for one in [one for one in certificate["checks"] if one["status"] == "failed"][1:]:
             console.print(f"  {one['check']}: {one['detail']}", style="dim")
     if not manifest.get("isolated", True):
         console.print(ONE_PROCESS)
     for one in failures(failed):
         console.print(f"\nfailed: {one.message} ({'; '.join(one.where)})")
-        console.print(one.traceback.rpartition("occurred:")[2].strip("\n"), style="dim", soft_wrap=True)
+        if one.traceback.strip() != one.message:
+            console.print(one.traceback.strip("\n"), style="dim", soft_wrap=True)
     if failed.empty:
         console.print("\nnothing failed")
     unfinished = any("not finished" in row["remark"] for row in rows)

@@ -123,6 +123,9 @@ def test_a_trial_that_fails_is_recorded_and_costs_no_other(place, plugins, does,
     shown = finish("show", "run", plugins=plugins, cwd=place)
     assert said in shown.stdout
     assert "trials 3, 4" in shown.stdout
+    frames = [line for line in shown.stdout.splitlines() if line.startswith("  File ")]
+    assert len(frames) == (does == "raise"), frames  # none of ours
+    assert all("trouble.py" in line for line in frames)
 
 
 def test_two_runs_into_one_directory_are_refused_until_the_first_is_gone(held, plugins):
