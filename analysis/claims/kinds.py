@@ -26,8 +26,18 @@ from cooploc.analysis.metrics.statistics import FIXED, Interval, Stopping
 from cooploc.analysis.metrics.sweeps import sweeps
 from cooploc.estimators import nearest
 from cooploc.estimators.interface import Array
+from cooploc.estimators.label_syntax import expand
 
-Labels = Annotated[tuple[str, ...], BeforeValidator(lambda given: (given,) if isinstance(given, str) else given)]
+
+def _write_out(given: Any) -> Any:
+    """Return labels with a sweep {2,3} written out; a range {2..9} waits for what a run has of it."""
+    labels = (given,) if isinstance(given, str) else given
+    if not isinstance(labels, list | tuple) or not all(isinstance(one, str) for one in labels):
+        return labels  # pydantic says what is wrong
+    return tuple(one for label in labels for one in ([label] if ".." in label else expand(label)))
+
+
+Labels = Annotated[tuple[str, ...], BeforeValidator(_write_out)]
 ALWAYS = {"id", "says", "where", "quote", "kind", "open"}  # keys of every kind
 Zones = tuple[tuple[str, float, float], ...]  # verdict, from, to
 PValue = Callable[[float], float]  # two-sided p against a true value
@@ -77,11 +87,11 @@ class Claim(LedgerTable):
             raise ValueError(f"{this} needs {key!r}: add it")
         for key in sorted(given - kind.needs - kind.may - ALWAYS):
             raise ValueError(f"{this} does not use {key!r}; it takes {takes}")
-        if kind.scenarios == "later" and len(self.scenarios) < 2:
-            raise ValueError(f"{this} needs at least 2 scenarios: add some")
         for label in self.scenarios if kind.scenarios != "all" else ():
             if "{" in label:
-                raise ValueError(f"{this} takes no range like {label!r}: list the scenarios")
+                raise ValueError(f"{this} takes no range like {label!r}: list the values, {{1,2,3}}, or the scenarios")
+        if kind.scenarios == "later" and len(self.scenarios) < 2:
+            raise ValueError(f"{this} needs at least 2 scenarios: add some")
         if self.kind in RELATIVE and self.size is not None and self.size <= -1:
             raise ValueError(f"size {self.size:g} is no change of an error: write -0.5 for 50 % less")
         if self.kind in RELATIVE and self.size is not None and abs(self.size) <= self.margin:

@@ -339,7 +339,9 @@ def claim_with(**keys):
         (claim_with(**CHANGE, size="big"), "size"),
         ({"paper": "p", "claims": [{"id": "7", "says": "x", **CHANGE}] * 2}, "two claims of that id"),
         (claim_with(**{**CHANGE, "scenarios": "s/n={1..3}"}), "takes no range"),
+        (claim_with(kind="trend", of="a", scenarios="s/n={1..3}"), "takes no range"),
         (claim_with(kind="trend", of="a", scenarios="s"), "at least 2 scenarios"),
+        (claim_with(kind="trend", of="a", scenarios="s/n={1"), "cannot read the braces of 's/n={1'"),
         ({**claim_with(**CHANGE), "variants": {"paper": {}}}, "cannot be called 'paper'"),
         ({**claim_with(**CHANGE), "variants": {"v": {"estimator": {}}}}, "did you mean 'estimators'?"),
     ],
@@ -348,6 +350,11 @@ def test_a_bad_ledger_is_refused_in_one_line(content, reason):
     with pytest.raises(cl.BadInput, match=r"\Al\.toml: .*\Z") as caught:
         read(content, "l.toml")
     assert reason in str(caught.value)
+
+
+def test_a_list_in_braces_stands_for_its_values():
+    claim = ledger(kind="trend", of="a[k={1,2}]", scenarios=["s[n={1,2}]", "t"]).claims[0]
+    assert (claim.of, claim.scenarios) == (("a[k=1]", "a[k=2]"), ("s[n=1]", "s[n=2]", "t"))
 
 
 def test_a_ledger_that_is_not_there_or_not_toml_is_refused(tmp_path):
