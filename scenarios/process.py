@@ -103,7 +103,8 @@ def place_of(e: BaseException) -> str:
     frames = [one for one in traceback.extract_tb(e.__traceback__) if one.filename != __file__]
     theirs = [one for one in frames if not one.filename.startswith(OURS)]
     own = [] if type(e).__module__.startswith("cooploc.") else frames
-    written = [one for one in theirs if not one.filename.startswith((sys.prefix, sys.base_prefix))]
+    libraries, compiled = (sys.prefix, sys.base_prefix), (".pyx", ".pxd")
+    written = [one for one in theirs if not one.filename.startswith(libraries) and not one.filename.endswith(compiled)]
     for one in (written or theirs or own)[-1:]:
         return f" ({Path(one.filename).name}:{one.lineno})"
     return ""
