@@ -1,7 +1,10 @@
 """Tools for compiled loops: caching on disk, number formats, elementary functions, row buffers."""
 
 import hashlib
+import os
+import tempfile
 from collections.abc import Callable
+from contextlib import suppress
 from functools import reduce
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
@@ -49,7 +52,12 @@ def strict_kernel(function: Callable[..., Any]) -> Any:
 
 def _cache_on_disk(function: Callable[..., Any], options: dict[str, Any]) -> Any:
     """Compile and cache; of two processes that need a kernel, the second waits for the first and finds it on disk."""
-    compiled = numba.njit(**KEPT, **options)(function)
+    try:
+        compiled = numba.njit(**KEPT, **options)(function)
+    except RuntimeError:  # neither our folder nor the user's can be written, as in many containers
+        os.environ["NUMBA_CACHE_DIR"] = str(_own_temporary_directory())  # of later processes, too
+        numba.config.CACHE_DIR = os.environ["NUMBA_CACHE_DIR"]  # type: ignore[attr-defined]
+        compiled = numba.njit(**KEPT, **options)(function)
     stamp = hashlib.sha256(b"".join([*SOURCES, Path(function.__code__.co_filename).read_bytes()])).hexdigest()
     name, compile_now = f"{compiled._cache._impl.filename_base}-{stamp[:16]}", compiled.compile
     compiled._cache._cache_file = IndexDataCacheFile(compiled._cache.cache_path, name, stamp)
@@ -61,6 +69,16 @@ def _cache_on_disk(function: Callable[..., Any], options: dict[str, Any]) -> Any
 
     compiled.compile = compile_in_turn
     return compiled
+
+
+def _own_temporary_directory() -> Path:
+    """Return this user's directory for kernels among temporary files; a new one if that is not theirs alone."""
+    place = Path(tempfile.gettempdir()) / f"cooploc-{os.getuid()}"
+    with suppress(OSError):
+        place.mkdir(mode=0o700)
+    found = place.lstat() if place.exists() else None
+    is_own = found and found.st_uid == os.getuid() and found.st_mode & 0o170077 == 0o040000
+    return place if is_own else Path(tempfile.mkdtemp(prefix="cooploc-"))
 
 
 def cache_directory(compiled: Any) -> Path:

@@ -5,12 +5,14 @@ import os
 import re
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
+import numba
 import pytest
 
 import cooploc.estimators
-from cooploc.estimators.compiled import SHARED
+from cooploc.estimators.compiled import SHARED, cache_directory, strict_kernel
 
 ROOM = Path(cooploc.estimators.__file__).parent
 
@@ -33,6 +35,31 @@ print(sum(k._fill_ancestors.stats.cache_hits.values()))
     at_once = [begun(), begun()]  # the one waits while the other compiles
     assert sorted(int(one.communicate()[0]) for one in at_once) == [0, 1]
     assert int(begun(changed).communicate()[0]) == 0
+
+
+def double(x):
+    return 2 * x
+
+
+def test_where_no_folder_can_be_written_kernels_are_kept_among_the_user_s_temporary_files(tmp_path, monkeypatch):
+    """As in a container whose user has no home. Of a directory that others may write nothing is read."""
+    own, real = tmp_path / f"cooploc-{os.getuid()}", numba.njit
+
+    def without_folder(*function, **options):
+        if options.get("cache") and not numba.config.CACHE_DIR:
+            raise RuntimeError("cannot cache function: no locator available")
+        return real(*function, **options)
+
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setattr(numba, "njit", without_folder)
+    monkeypatch.setenv("NUMBA_CACHE_DIR", "")
+    for is_own in (True, False):
+        monkeypatch.setattr(numba.config, "CACHE_DIR", "")
+        kernel = strict_kernel(double)
+        assert kernel(2.0) == 4.0
+        assert tmp_path in cache_directory(kernel).parents
+        assert (own in cache_directory(kernel).parents) == is_own
+        own.chmod(0o777)
 
 
 def test_every_file_whose_functions_are_inlined_elsewhere_is_listed_as_shared():
