@@ -135,7 +135,8 @@ def tune(
     found = cl.tune(study, budget, objective=objective, out=out, check=check, isolate=isolate, **how)
     orders = {"RMSE": found.order("rmse"), "NLL": found.order("nll")}
     terminal.tables.show_tuning(found.history, found.table, orders, found.record)
-    typer.echo(f"tables and figures: {found.folder}\nstudy: {found.study}\nnext: cooploc run {found.study}")
+    typer.echo(f"tables and figures: {found.folder}\nstudy: {found.study}")
+    typer.echo(f"next: cooploc run {shlex.quote(str(found.study))}")
     if found.rows["failure"].notna().any():
         raise typer.Exit(1)
 
@@ -302,7 +303,8 @@ def verdicts(folder: RunDirectory, ledger: Claims = None, wide: Wide = False, le
     found, mapped = api.verdicts_and_readings(folder, ledger)
     terminal.tables.show_verdicts(found, load(ledger), wide, legend)
     terminal.tables.show_interpretations(mapped, wide, legend)
-    typer.echo(f"next: cooploc report {folder} (a page with these verdicts); --legend says what words mean")
+    place = shlex.quote(str(folder))
+    typer.echo(f"next: cooploc report {place} (a page with these verdicts); --legend says what words mean")
 
 
 @app.command()
@@ -326,7 +328,7 @@ def compare(
         typer.echo(found.markdown(title))
     else:
         terminal.tables.show_changes(title, found.settings, found.table, found.sentences, wide)
-        typer.echo(f"next: cooploc report {after}; --wide prints what is bit-equal, too")
+        typer.echo(f"next: cooploc report {shlex.quote(str(after))}; --wide prints what is bit-equal, too")
     if fail_if and found.is_any(fail_if):
         raise typer.Exit(1)
 

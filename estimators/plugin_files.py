@@ -7,6 +7,7 @@ imports: loading it again gives the same classes, and an edited file gives new o
 import ast
 import hashlib
 import importlib
+import os
 import re
 import sys
 from collections.abc import Iterable, Iterator, Sequence
@@ -67,7 +68,7 @@ def _import_file(path: Path) -> ModuleType:
         source = path.read_bytes()
     except OSError:
         raise BadInput(f"there is no file {path}; write path.py:Name, its path from this directory") from None
-    digest, helpers = hashlib.sha256(str(path.resolve()).encode() + b"\0" + source), neighbours_of(path)
+    digest, helpers = hashlib.sha256(os.fsencode(path.resolve()) + b"\0" + source), neighbours_of(path)
     for name, file in helpers:
         digest.update(name.encode() + b"\0" + file.read_bytes())
     name = f"_cooploc_{path.stem}_{digest.hexdigest()[:12]}"  # it hides no module, and pickle finds classes by it

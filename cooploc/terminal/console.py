@@ -1,5 +1,6 @@
 """Text for a terminal: what could move its cursor, change its colours or hide text is shown as what it is."""
 
+import shlex
 import time
 import unicodedata
 from html import escape
@@ -13,6 +14,11 @@ from cooploc.analysis.formats import duration
 
 HIDDEN = {"Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp"}  # Unicode's control, format, surrogate, private, separating
 KEPT = {"\n", "\t"}
+
+
+def in_shell(text: object) -> str:
+    """Return a path or a label as a shell takes it, in quotes where it has blanks or brackets."""
+    return shlex.quote(str(text))
 
 
 def escape_controls(text: str) -> str:

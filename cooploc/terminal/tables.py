@@ -44,7 +44,7 @@ from cooploc.estimators.label_syntax import shorten_labels
 from cooploc.scenarios.conformance import FIRST, Report
 from cooploc.scenarios.recordings.scenario import NO_ORDER
 from cooploc.scenarios.studies.study import Study, stream_sentence
-from cooploc.terminal.console import make_console
+from cooploc.terminal.console import in_shell, make_console
 from cooploc.terminal.names import show_name
 
 ONE_PROCESS = "all or some of this ran in one process (--no-isolate): estimators may have disturbed each other"
@@ -73,10 +73,10 @@ def show_results(
     show_table(found if as_json else ordered, rows, as_json, every_column, legend, manifest["study"])
     for text in lines:
         console.print(text)
-    picture = f"{folder / 'rmse.png'}" if (folder / "rmse.png").exists() else f"cooploc report {folder}"
+    picture = f"{folder / 'rmse.png'}" if (folder / "rmse.png").exists() else f"cooploc report {in_shell(folder)}"
     for place in (f"picture: {picture}", f"table, every column: {folder / 'table.csv'}", f"run: {folder}"):
         console.print(place)
-    console.print(f"next: cooploc report {folder}; --wide prints every column, --legend what they mean")
+    console.print(f"next: cooploc report {in_shell(folder)}; --wide prints every column, --legend what they mean")
 
 
 def _arrange(
@@ -306,7 +306,9 @@ def show(what: str | PathLike[str] | pd.DataFrame, ledger: str | Path | None = N
     if failed.empty:
         console.print("\nnothing failed")
     unfinished = any("not finished" in row["remark"] for row in rows)
-    console.print("next: the same cooploc run goes on" if unfinished else f"next: cooploc report {held.folder}")
+    console.print(
+        "next: the same cooploc run goes on" if unfinished else f"next: cooploc report {in_shell(held.folder)}"
+    )
 
 
 VERDICT_LEGEND = (
@@ -374,7 +376,7 @@ def show_paper(example: Path) -> None:
     make_console().print(
         f"paper: {folder}\n"
         f"in it: {', '.join(count_of(number, noun) for noun, number in counts.items())}, estimators.bib\n"
-        f"to see them all: cd {folder} && {make} && bibtex {example.stem} && {make} && {make}\n"
+        f"to see them all: cd {in_shell(folder)} && {make} && bibtex {example.stem} && {make} && {make}\n"
         "next: copy figures/ and tables/ beside your paper; --figures, --only and --scenarios choose, --all writes all"
     )
 
@@ -441,7 +443,7 @@ def show_tuning(
 
 def show_checks(report: Report) -> None:
     """Print the results, how many of the checks passed, failed and were skipped, and what to do next."""
-    console, go_on = make_console(), f"cooploc run quick --estimators mrsl-rssi,{report.name}"
+    console, go_on = make_console(), f"cooploc run quick --estimators {in_shell(f'mrsl-rssi,{report.name}')}"
     made = [r for r in report.results if r.detail not in FIRST.values()]  # the rest means nothing after a failure
     found = [{"check": r.check, "result": r.status, "what was found": str(r)} for r in made]
     console.print(frame("checks", pd.DataFrame(found)).terminal())
@@ -477,9 +479,9 @@ def show_inspection(found: Any, files: Sequence[Path]) -> None:
     if inspected.trial.problem:
         say(f"tried, and it does not run: {inspected.trial.problem}")
         if any(truth is not None for truth in inspected.log.truth):
-            say(f"next: correct {log}, then cooploc inspect {log.parent}")
+            say(f"next: correct {log}, then cooploc inspect {in_shell(log.parent)}")
         else:
-            anew = f"cooploc inspect --force {log.parent} drafts log.toml anew"
+            anew = f"cooploc inspect --force {in_shell(log.parent)} drafts log.toml anew"
             say(f"next: look at the page; to judge estimators, add the true positions: {anew}")
     else:
-        say(f"next: look at both, then cooploc run log --data {log.parent}")
+        say(f"next: look at both, then cooploc run log --data {in_shell(log.parent)}")

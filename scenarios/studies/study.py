@@ -215,8 +215,14 @@ def load(which: str, including: tuple[str, ...] = ()) -> Study:
     training = {key: value for other in (*others, study) for key, value in other.training.items()}
     study = study.model_copy(update={"also": also, "training": training, "include": ()})
     try:
-        if not study.cells():
+        if not (cells := study.cells()):
             raise BadInput("it has no scenarios: give scenarios and estimators, or include other studies")
+        for label in {label for cell in cells for label in (cell.scenario, *cell.estimators)}:
+            file = label.partition(":")[0]
+            if file.endswith(".py") and not Path(file).exists() and (beside := Path(which).with_name(file)).exists():
+                raise BadInput(
+                    f"there is no file {file} in this directory: write {beside}, or run it in {beside.parent}"
+                )
     except BadInput as e:
         raise BadInput(f"{which}: {e}") from None
     return study

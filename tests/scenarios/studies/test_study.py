@@ -104,6 +104,17 @@ def test_a_study_file_that_is_wrong_says_where(tmp_path, monkeypatch, content, w
     assert "mine.toml" in str(refusal.value) or "quik" in str(refusal.value)
 
 
+def test_a_plug_in_beside_the_study_is_named_as_from_this_directory(tmp_path, monkeypatch):
+    (tmp_path / "sub").mkdir()
+    (tmp_path / "sub" / "mine.py").write_text("class Mine: pass")
+    (tmp_path / "sub" / "s.toml").write_text('scenarios = ["trajectory"]\nestimators = ["arl", "mine.py:Mine"]')
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(cl.BadInput, match=r"no file mine.py in this directory: write sub/mine.py, or run it in sub\Z"):
+        study.load("sub/s.toml")
+    monkeypatch.chdir(tmp_path / "sub")
+    assert study.load("s.toml").estimators == ("arl", "mine.py:Mine")
+
+
 def test_blocks_add_up_and_included_studies_keep_their_name_and_baseline(tmp_path):
     (tmp_path / "inner.toml").write_text(ALSO.replace('"nlos"', '"nlos", "trajectory"'))
     (tmp_path / "outer.toml").write_text(f'about = "x"\ninclude = ["{tmp_path}/inner.toml", "anchors"]\n')
