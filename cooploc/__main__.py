@@ -51,7 +51,7 @@ def _explain(e: BaseException) -> str | None:
         command = context.command_path.rpartition("cooploc")[2] if context else ""
         said = re.sub(
             r"Input should be a valid (\w+),.*", lambda found: KINDS.get(found[1], found[0]), e.format_message()
-        )
+        ).replace("Input should be greater than or equal to", "it must be at least")
         return f"{said} (cooploc{command} --help says what there is)"
     return None
 

@@ -44,7 +44,7 @@ from cooploc.estimators.errors import BadInput
 from cooploc.scenarios import family, simulate
 from cooploc.scenarios.runner.run import list_table, run
 from cooploc.scenarios.scenario import split_family
-from cooploc.scenarios.studies.study import Study, is_scenario, load, study_of_scenario
+from cooploc.scenarios.studies.study import Study, is_scenario, load, problem_tables, study_of_scenario
 from cooploc.terminal import tables
 from cooploc.terminal.console import TerminalProgress
 
@@ -273,6 +273,8 @@ def plan(study: str | Path, *, difference: float = 0.1, **how: Any) -> pd.DataFr
     """
     if not 0 < difference <= 1:
         raise BadInput(f"difference is {difference}; it must lie above 0, and at most at 1: 0.1 is 10 %")
+    if str(study) in problem_tables():
+        raise BadInput(f"{study} fixes its trials, so that there is nothing to plan: cooploc run {study}")
     pilot = run_study(study, trials=PILOT, **how)
     cost, distance = trial_seconds(pilot.rows), float(np.log1p(difference))
     what = ["scenario", "estimator", "baseline", "change"]
