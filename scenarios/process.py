@@ -7,6 +7,7 @@ Processes are kept for the next call, which then begins at once. Each owner has 
 import contextlib
 import faulthandler
 import io
+import multiprocessing
 import os
 import pickle
 import re
@@ -38,6 +39,7 @@ IDLE = 600  # [s] after which an idle process ends
 LONGEST = 1e7  # [s] beyond which a limit is none, as no timer goes so far
 PATIENCE = 10.0  # [s] that imports and compilation may take longer than a trial
 _pools: dict[tuple[int, str, int], tuple[Executor, Mapping[str, float]]] = {}
+_starting = threading.RLock()  # held while processes start, as threads may ask for some at once
 _limited = False  # whether this is a process for plug-ins, which a timer may end
 
 
@@ -181,24 +183,35 @@ def _starting_processes() -> Iterator[None]:
 
 def pool(owner: str, jobs: int = 1) -> Executor:
     """Return an owner's processes: those of its last call, or new ones."""
+    with _starting:
+        if owner != BUILTIN:
+            end_if_edited(owner)
+        key = os.getpid(), owner, jobs
+        if key not in _pools:
+            _pools[key] = _start(owner, jobs), _source_times()
+        return _pools[key][0]
+
+
+def _start(owner: str, jobs: int) -> Executor:
     from loky import ProcessPoolExecutor
 
-    key = os.getpid(), owner, jobs
-    if owner != BUILTIN:
-        end_if_edited(owner)
-    if key not in _pools:
-        Finalize(None, end_all, exitpriority=100)  # else a process that was itself forked would wait for them
-        begin = {"initializer": _begin_worker, "initargs": (os.getpid(), owner != BUILTIN)}
-        with _starting_processes():
-            _pools[key] = ProcessPoolExecutor(jobs, timeout=IDLE, env=ENVIRONMENT, **begin), _source_times()
-            resource_tracker.ensure_running()  # loky needs it; as it starts, it lets Ctrl-C in again
-        # Processes that are started here never see Ctrl-C, not even as they import; in this one it waits until then.
-        before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
-        try:
-            _pools[key][0].submit(int)  # starts them
-        finally:
-            signal.pthread_sigmask(signal.SIG_SETMASK, before)
-    return _pools[key][0]
+    if multiprocessing.current_process().daemon:
+        raise BadInput(
+            "a process of multiprocessing.Pool may start no other: use concurrent.futures.ProcessPoolExecutor, or "
+            "isolate=False and jobs=1, which keep all in one"
+        )
+    Finalize(None, end_all, exitpriority=100)  # else a process that was itself forked would wait for them
+    begin = {"initializer": _begin_worker, "initargs": (os.getpid(), owner != BUILTIN)}
+    with _starting_processes():
+        executor: Executor = ProcessPoolExecutor(jobs, timeout=IDLE, env=ENVIRONMENT, **begin)
+        resource_tracker.ensure_running()  # loky needs it; as it starts, it lets Ctrl-C in again
+    # Processes that are started here never see Ctrl-C, not even as they import; in this one it waits until then.
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    try:
+        executor.submit(int)  # starts them
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+    return executor
 
 
 def end_if_edited(owner: str) -> None:

@@ -2,9 +2,11 @@
 
 import contextlib
 import importlib
+import multiprocessing
 import os
 import signal
 import time
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -13,6 +15,7 @@ import cooploc as cl
 from cooploc.estimators.dead_reckoning import DeadReckoning
 from cooploc.scenarios.process import (
     BUILTIN,
+    SESSION,
     Outcome,
     ProcessDied,
     ProcessHung,
@@ -162,3 +165,20 @@ def test_what_contradicts_itself_is_refused():
     _, stream = cl.simulate("trajectory", trials=2, ticks=3, seed=1)
     with pytest.raises(cl.BadInput, match="isolate=False keeps everything in one process, and jobs is 2"):
         cl.run("dead-reckoning", stream, jobs=2, isolate=False)
+
+
+def error_of_own(seed):
+    """The RMSE of a plug-in, which runs in a process of its own."""
+    truth, stream = cl.simulate("trajectory", trials=1, ticks=3, seed=seed)
+    return float(cl.errors(truth, cl.run({"mine": careless(int)()}, stream))["rmse"].mean())
+
+
+@pytest.mark.slow
+def test_threads_may_run_plug_ins_at_once_and_a_pool_s_process_is_told_what_may():
+    end(SESSION)  # so that all three want to start it
+    with ThreadPoolExecutor(3) as threads:
+        at_once = list(threads.map(error_of_own, (1, 2, 1)))
+    assert at_once == [error_of_own(1), error_of_own(2), at_once[0]]
+    said = r"multiprocessing\.Pool may start no other: use concurrent\.futures"
+    with multiprocessing.get_context("fork").Pool(1) as pool, pytest.raises(cl.BadInput, match=said):
+        pool.map(error_of_own, [1])
