@@ -50,6 +50,7 @@ class Stopwatch(event.Listener):
 
 
 ROUNDING = 1e-9  # asymmetry and negative variance that are allowed, relative to the covariance's largest entry
+AS_NUMPY_STARTS: Any = {"divide": "warn", "over": "warn", "under": "ignore", "invalid": "warn"}  # whatever a user sets
 NOTHING = 1e-200  # a smaller covariance is zero: subnormal numbers have too few digits to be symmetric or definite
 
 
@@ -96,7 +97,7 @@ def trace(
     d = stream.prior.x.shape[-1]
     x, P = np.empty((t, T, n, d)), np.empty((t, T, n, d, d))
     messages, sent = np.zeros((t, n)), np.zeros((t, n))
-    with _thread_pools(len(sys.modules)).limit(limits=1), Stopwatch() as clock:
+    with _thread_pools(len(sys.modules)).limit(limits=1), np.errstate(**AS_NUMPY_STARTS), Stopwatch() as clock:
         running.start()
         for k in range(T):
             belief, traffic = running.tick(k)

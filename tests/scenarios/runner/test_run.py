@@ -109,3 +109,12 @@ def test_a_covariance_of_subnormal_numbers_is_zero_and_a_small_unsound_one_is_re
         require_covariances("mine", STREAM, size * unsound)
     with pytest.raises(cl.EstimatorError, match="negative variance"):
         require_covariances("mine", STREAM, 1e-150 * unsound)
+
+
+def test_what_a_user_sets_in_numpy_changes_nothing():
+    """A cloud that collapses has squares below the smallest number."""
+    _, stream = cl.simulate("trajectory", trials=1, ticks=10, seed=1)
+    expected = cl.run("mrsl-rssi", stream).traces["mrsl-rssi"]
+    with np.errstate(all="raise"):
+        found = cl.run("mrsl-rssi", stream).traces["mrsl-rssi"]
+    np.testing.assert_array_equal(found.x, expected.x)
