@@ -389,11 +389,12 @@ def _draw_tuning(folder: Path, history: pd.DataFrame) -> None:
     """Draw the score against the budget, and of every estimator that has parameters, what each of them did."""
     from cooploc.analysis.plot import style, tuned_parameters, tuning
 
-    style.save(tuning(history), folder / "score-against-budget.png")
-    for name, part in history.groupby("estimator", sort=False):
-        if part.filter(like=VALUE).notna().any(axis=None):
-            safe = re.sub(r"[^A-Za-z0-9.=]+", "-", str(name)).strip("-")
-            style.save(tuned_parameters(history, str(name)), folder / f"parameters-{safe}.png")
+    with style.as_shipped():
+        style.save(tuning(history), folder / "score-against-budget.png")
+        for name, part in history.groupby("estimator", sort=False):
+            if part.filter(like=VALUE).notna().any(axis=None):
+                safe = re.sub(r"[^A-Za-z0-9.=]+", "-", str(name)).strip("-")
+                style.save(tuned_parameters(history, str(name)), folder / f"parameters-{safe}.png")
 
 
 # What a run left.

@@ -7,6 +7,7 @@ lighter. Hollow markers are over-confident, grey and dotted estimators centralis
 import re
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
 from itertools import cycle
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -276,6 +277,10 @@ def set_log_scale(axis: Any, low: float, high: float) -> None:
     axis.set_major_locator(LogLocator(subs=few))
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axis.set_minor_formatter(NullFormatter())
+
+
+# For what draws into files, as a context or a decorator: they look alike, whatever a user has set in matplotlib.
+as_shipped = partial(plt.style.context, "default")
 
 
 def save(drawn: Axes | Figure, *paths: Path, dpi: int = 150, rc: Any = SVG) -> None:

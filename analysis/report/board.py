@@ -21,6 +21,7 @@ from cooploc.analysis.execution.run_directory import Cell, StoredRun
 from cooploc.analysis.formats import count, count_of, metres, microseconds, ratio
 from cooploc.analysis.metrics.errors import TRAINED
 from cooploc.analysis.metrics.ranking import board_letters
+from cooploc.analysis.plot import style
 from cooploc.analysis.report import html_page
 from cooploc.analysis.report.result_tables import HASH, REMARK_FIELDS, may_be_ranked, remark
 from cooploc.analysis.report.run_numbers import Numbers, numbers_of
@@ -40,6 +41,7 @@ class BoardStudy(NamedTuple):
     rows: list[Row]  # of the board's table
 
 
+@style.as_shipped()
 def write(runs: Sequence[StoredRun], out: Path) -> Path:
     """Write the site into a directory; return the path of its first page.
 

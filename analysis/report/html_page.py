@@ -69,6 +69,7 @@ FORMS = {"tex": "latex", "md": "markdown", "csv": "csv"}  # ending of a file -> 
 FLOOR_PATHS, FLOOR_TRIALS = 16, 8  # over which a floor is taken, in a fifth of the time that one to 0.2 % takes
 
 
+@style.as_shipped()
 def write(
     run: StoredRun,
     ledger: Ledger,

@@ -36,6 +36,7 @@ class PaperPart(NamedTuple):
     drawn: list[str]  # scenarios that sweep nothing and are drawn
 
 
+@style.as_shipped()
 def write(
     kept: StoredRun,
     out: Path,

@@ -11,7 +11,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from cooploc.analysis.formats import count_of, join_words, metres
-from cooploc.analysis.plot import anees, error_over_time, rmse, trajectories
+from cooploc.analysis.plot import anees, error_over_time, rmse, style, trajectories
 from cooploc.analysis.plot.worlds import finding
 from cooploc.analysis.report import html_page
 from cooploc.analysis.report.result_tables import result_columns
@@ -37,6 +37,7 @@ class Section(NamedTuple):
     tables: Sequence[Table] = ()
 
 
+@style.as_shipped()
 def inspection_page(found: Inspected, sketch: bytes) -> str:
     """Return the page of an inspection, with a figure for each finding; what comes from the files is escaped.
 
@@ -70,6 +71,7 @@ def inspection_page(found: Inspected, sketch: bytes) -> str:
     return _page(f"Is {found.log.name} sane?", sentence, about, sections)
 
 
+@style.as_shipped()
 def judged_page(
     truth: Truth, run: Run, rows: pd.DataFrame, table: pd.DataFrame, tables: Sequence[Table], notes: Sequence[str]
 ) -> str:

@@ -61,7 +61,8 @@ def keep_tables(table: pd.DataFrame, rows: pd.DataFrame, folder: Path) -> None:
     if len(ended) and table["scenario"].nunique() <= IN_ONE_PICTURE:
         from cooploc.analysis.plot import rmse, style
 
-        style.save(rmse(ended), folder / "rmse.png")
+        with style.as_shipped():
+            style.save(rmse(ended), folder / "rmse.png")
 
 
 def show_results(

@@ -6,6 +6,7 @@ import shutil
 import subprocess
 import zlib
 
+import matplotlib as mpl
 import pandas as pd
 import pytest
 from made_runs import EVIL, kept_from, rows_of
@@ -49,6 +50,15 @@ def test_every_figure_and_table_fits_a_two_column_paper(written, kept):
         assert done.returncode == 0, done.stdout[-2000:]
         assert re.findall(r"Overfull.*|Float too large.*|Reference.*undefined on input.*", done.stdout) == []
         assert all(file.name in done.stdout.replace("\n", "") for file in (folder / "figures").glob("*.pdf"))
+
+
+def test_what_a_user_sets_in_matplotlib_changes_no_file(kept):
+    one = select(kept, scenarios=["nlos[ticks=8]"])
+    paper.write(one, kept.folder / "plain")
+    with mpl.rc_context({"text.usetex": True, "font.size": 30, "lines.linewidth": 9}):
+        paper.write(one, kept.folder / "set")
+    for file in sorted((kept.folder / "plain" / "figures").iterdir()):
+        assert file.read_bytes() == (kept.folder / "set" / "figures" / file.name).read_bytes(), file.name
 
 
 def streams_of(body):
