@@ -15,8 +15,10 @@ from cooploc.scenarios.recordings.inspect import naming
 from cooploc.scenarios.recordings.inspect.nameless import names_by_values
 from cooploc.scenarios.recordings.text_files import (
     LEAST_LEFT,
+    Rows,
     parse_field,
     parse_fields,
+    plain_numbers,
     read_text,
     split_fields,
 )
@@ -71,36 +73,48 @@ def read_csv(path: Path, name: str) -> CsvTable:
     text = read_text(path).lstrip()
     if not text:
         raise BadInput(f"{path}: the file is empty; get it again")
-    head, line, rows = split_fields(text)
+    plain = plain_numbers(text)
+    head, line, rows = (plain.head, plain.named, []) if plain else split_fields(text)
     twice = {name for name in head if head.count(name) > 1}  # not read, and missed where no other column is alike
     once = {naming.name_meaning(name)[0] for name in head if name not in twice}
     if missed := next((name for name in head if name in twice and naming.name_meaning(name)[0] not in {"", *once}), ""):
         raise BadInput(f"{path}, line {line}: two columns are named {short_repr(missed)}; rename one")
+    patterns, robots = naming.columns_of_robots(head)
+    whole = [] if plain else _whole_rows(path, head, line, rows)
+    fields = plain.values.T if plain else zip(*whole, strict=True)
+    columns: dict[str, Array | tuple[str, ...]] = {}
+    for column, own in zip(head, fields, strict=True):  # of several robots the first one's values
+        if column not in twice:
+            columns.setdefault(patterns.get(column, column), own if plain else _numbers_or_words(own))
+    below = whole[0] if whole and not any(np.isfinite(parse_field(word)) for word in whole[0]) else ()
+    is_units = {"".join(naming.words_of(word)[:1]) for word in below} & {"s", "sec", "ms", "us", "ns"}
+    units = {patterns.get(c, c): unit for c, unit in zip(head, below, strict=False)} if is_units else {}
+    found = CsvTable(name, columns, (), robots, units)
+    return found._replace(guesses=infer_columns(found))
+
+
+def _whole_rows(path: Path, head: Sequence[str], line: int, rows: Rows) -> list[list[str]]:
+    """Return the lines with as many fields as there are names; refuse lines of several kinds, or of another number."""
     if kinds := _kinds_of_lines(head, [row for _, row in rows[:1000]]):
         shown = ", ".join([*map(short_repr, kinds[:3]), *["..."] * (len(kinds) > 3)])
         own = re.sub(r"\W", "", kinds[0]).lower()
         example = f"grep -F '{kinds[0]}' {path.name} > {own}_{path.name}"
         raise BadInput(f"{path}: {SEVERAL_KINDS} ({shown}); write a file of each, such as {example}")
-    whole = [row for _, row in rows if len(row) == len(head)]
-    below = whole[0] if whole and not any(np.isfinite(parse_field(word)) for word in whole[0]) else ()
-    is_units = {"".join(naming.words_of(word)[:1]) for word in below} & {"s", "sec", "ms", "us", "ns"}
-    units = dict(zip(head, below, strict=False)) if is_units else {}
     if not rows:
         raise BadInput(f"{path}: it has no line of data with {len(head)} fields as in line {line}; get the file again")
+    whole = [row for _, row in rows if len(row) == len(head)]
     if len(whole) < LEAST_LEFT * len(rows):
         most = statistics.mode(len(row) for _, row in rows)
         remedy = "leave one line above the numbers, with the names of all columns (of a truth: time, x, y, heading)"
         raise BadInput(f"{path}: most lines have {most} fields, and line {line}, with the names, {len(head)}; {remedy}")
-    patterns, robots = naming.columns_of_robots(head)
-    columns: dict[str, Array | tuple[str, ...]] = {}
-    for column, words in zip(head, zip(*whole, strict=True), strict=True):  # of several robots the first one's values
-        numbers = parse_fields(words)
-        good, filled = np.isfinite(numbers), (~np.isnan(numbers)).sum()
-        is_number = filled and good.sum() >= 0.9 * filled
-        if column not in twice:
-            columns.setdefault(patterns.get(column, column), np.where(good, numbers, np.nan) if is_number else words)
-    found = CsvTable(name, columns, (), robots, {patterns.get(c, c): unit for c, unit in units.items()})
-    return found._replace(guesses=infer_columns(found))
+    return whole
+
+
+def _numbers_or_words(words: tuple[str, ...]) -> Array | tuple[str, ...]:
+    """Return a column's numbers, nan where there is none, if most of its fields are; else its fields."""
+    numbers = parse_fields(words)
+    good, filled = np.isfinite(numbers), (~np.isnan(numbers)).sum()
+    return np.where(good, numbers, np.nan) if filled and good.sum() >= 0.9 * filled else words
 
 
 def _kinds_of_lines(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:

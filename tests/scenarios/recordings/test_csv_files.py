@@ -4,13 +4,16 @@ import gzip
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from made_team import ANCHORS, BIAS, DESCRIPTION, ROBOTS, describe, poses_at, write
+from oracles import repeatable
 
 import cooploc as cl
 from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.recordings import csv_files, schema
 from cooploc.scenarios.recordings.inspect.checks import check_recording
-from cooploc.scenarios.recordings.text_files import read_text, split_fields
+from cooploc.scenarios.recordings.text_files import parse_fields, plain_numbers, read_text, split_fields
 
 UWB = DESCRIPTION[DESCRIPTION.index("[ranges]") : DESCRIPTION.index("[fit]")]
 
@@ -244,3 +247,48 @@ def test_json_that_is_no_table_is_one_line(tmp_path, text):
     (tmp_path / "odom.json").write_text(text)
     with pytest.raises(BadInput, match=r"odom.json: this is no json file, or it is damaged"):
         read_text(tmp_path / "odom.json")
+
+
+WORDS = [
+    "",
+    " ",
+    "nan",
+    "inf",
+    "1e400",
+    "-",
+    "1_000",
+    "0x10",
+    "1,5",
+    "true",
+    "12:30:01",
+    "1 2",
+    "#3",
+    '"1"',
+    "1.",
+    "+3",
+    "-0",
+]
+
+
+@given(
+    rows=st.lists(
+        st.lists(st.floats(-1e19, 1e19, width=64) | st.sampled_from(WORDS), min_size=3, max_size=3), min_size=1
+    ),
+    head=st.sampled_from(["t,x,y", "1,2,3", "# t,x,y", "a title\nt,x,y", "t,x,y\n", "t,x"]),
+    delimiter=st.sampled_from([",", ", ", ";", "\t"]),
+    end=st.sampled_from(["\n", "\n\n", "", "\n1,2\n"]),
+)
+@repeatable
+def test_files_of_numbers_alone_are_read_as_all_others_to_the_bit(rows, head, delimiter, end):
+    lines = [head.replace(",", delimiter), *(delimiter.join(map(str, row)) for row in rows)]
+    text = "\n".join(lines) + end.replace(",", delimiter)
+    plain = plain_numbers(text)
+    words = not all(isinstance(one, float) for row in rows for one in row)
+    assert plain is not None or words or end != "\n" or head.count(",") < 2 or "\n" in head or head.startswith("#")
+    if plain is not None:
+        names, line, content = split_fields(text)
+        assert (plain.head, plain.named) == (names, line)
+        assert [i for i, _ in content] == [*range(plain.first, plain.first + len(plain.values))]
+        slow = np.array([parse_fields(fields) for _, fields in content])
+        np.testing.assert_array_equal(plain.values, slow)
+        np.testing.assert_array_equal(np.signbit(plain.values), np.signbit(slow))
