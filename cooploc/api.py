@@ -223,6 +223,8 @@ def _question_of(ledger: ledgers.Ledger) -> Callable[[pd.DataFrame, int], Answer
 
 def _read_study(study: Any, trials: Any, seed: Any, estimators: Any) -> Study:
     """Return the study that a call asks for."""
+    if not isinstance(study, str | Path):
+        raise BadInput(f"the study is of type {type(study).__name__}: name one, or the TOML file that holds it")
     named = [] if estimators is None else _list(estimators)
     if isinstance(estimators, Mapping) or not all(isinstance(one, str) for one in named):
         raise BadInput(
@@ -592,7 +594,6 @@ def paper(
 def _rows_and_looks(run: AnyRun | pd.DataFrame) -> tuple[pd.DataFrame, list[int]]:
     """Return the rows of a run, and of one until decided its looks, in trials."""
     if isinstance(run, pd.DataFrame):
-        require_errors(run)
-        return run, []
+        return require_errors(run), []
     stored = read_run(run)
     return run.rows if isinstance(run, Results) else stored.rows, stored.looks

@@ -135,7 +135,7 @@ def summarize(errors: pd.DataFrame) -> pd.DataFrame:
         BadInput: `errors` is neither from `errors` nor the rows of a run directory.
 
     """
-    require_errors(errors)
+    errors = require_errors(errors)
     return _summary(errors, trial_means(errors))
 
 
@@ -206,7 +206,7 @@ def compare(errors: pd.DataFrame, baseline: str | Mapping[str, str], full: bool 
             streams or ticks.
 
     """
-    require_errors(errors)
+    errors = require_errors(errors)
     known, scenarios = list(errors["estimator"].unique()), list(errors["scenario"].unique())
     against = baseline if isinstance(baseline, Mapping) else dict.fromkeys(scenarios, baseline)
     for scenario in scenarios:
@@ -236,8 +236,8 @@ def compare(errors: pd.DataFrame, baseline: str | Mapping[str, str], full: bool 
     return everything if full else everything[list(SHORT)]
 
 
-def require_errors(errors: object) -> None:
-    """Refuse what is not a table of `cl.errors` with rows."""
+def require_errors(errors: object) -> pd.DataFrame:
+    """Return a table of `cl.errors`, whatever a user has made its index; refuse what is none, or has no rows."""
     wanted = "it must be the table that cl.errors returns, or results.rows of a study"
     if not isinstance(errors, pd.DataFrame):
         raise BadInput(f"errors is of type {type(errors).__name__}; {wanted}")
@@ -245,6 +245,7 @@ def require_errors(errors: object) -> None:
         raise BadInput(f"errors has no column {missing[0]!r}; {wanted}")
     if errors.empty:
         raise BadInput("errors has no rows: select some")
+    return errors.reset_index(drop=True)
 
 
 def _against(

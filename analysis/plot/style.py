@@ -150,7 +150,7 @@ def _line_of(row: Row, line: Any) -> Any:
 
 def summarize_for_figures(errors: pd.DataFrame) -> pd.DataFrame:
     """Return the table of `summarize` with `consistency`, `centralised`, `bound` and `offline` of each row."""
-    require_errors(errors)
+    errors = require_errors(errors)
     flags = errors.assign(offline=is_offline(errors)).groupby(["scenario", "estimator"], sort=False)
     standing = flags[["centralised", "bound", "offline"]].any().reset_index(drop=True)
     table = summarize(errors)

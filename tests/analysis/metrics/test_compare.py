@@ -24,9 +24,10 @@ def test_rmse_pools_robots_by_valid_ticks_then_trials():
     assert summarize(frame)["rmse"].item() == pytest.approx(np.sqrt((1.75 + 9) / 2))
 
 
-def test_differences_are_paired_by_trial_and_not_by_order():
-    mine = rows("b", 0.25 * BASE)
-    table = compare(pd.concat([rows("a", BASE), mine.sample(frac=1, random_state=0)]), baseline="a", full=True)
+def test_differences_are_paired_by_trial_and_not_by_order_or_index():
+    both = pd.concat([rows("a", BASE), rows("b", 0.25 * BASE).sample(frac=1, random_state=0)])
+    table = compare(both, baseline="a", full=True)
+    pd.testing.assert_frame_equal(compare(both.set_index("trial", drop=False), baseline="a", full=True), table)
     row = table[table["estimator"] == "b"].iloc[0]
     assert (row["change"], row["change_low"], row["change_high"]) == pytest.approx((-0.5,) * 3)  # no spread is left
     assert row["effect"] == -1
