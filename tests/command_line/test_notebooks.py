@@ -81,5 +81,5 @@ def run(notebook, folder, environment, which=re.compile("")):
         source = source.replace(kept, small)
     script = folder / "notebook.py"
     script.write_text(source, encoding="utf-8")
-    environment = {**os.environ, "MPLBACKEND": "agg", **environment}
+    environment = {**os.environ, "MPLBACKEND": "agg", "TMPDIR": str(folder), **environment}
     return subprocess.run([sys.executable, str(script)], cwd=folder, env=environment, capture_output=True, text=True)
