@@ -9,6 +9,7 @@ import pytest
 from processes import HANGS, inside
 
 import cooploc as cl
+from cooploc.__main__ import _explain
 from cooploc.terminal.console import PlainConsole
 
 SMALL = 'trials = 6\nbaseline = "arl"\nscenarios = ["trajectory[ticks=10]"]\nestimators = ["arl", "ekf-joint"]\n'
@@ -82,13 +83,22 @@ def test_json_is_the_only_thing_on_stdout_and_has_the_fields_of_the_csv_file(ran
         (["reproduce", "nowhere"], "cannot be read"),
         (["judge", "trajectory", "--tum", "a", "--align", "se2"], "--within go with --truth"),
         (["judge", "--truth", "a", "--tum", "a", "--trials", "2"], "--offline go with a stream"),
-        (["reproduce", "run", "--trials", "0"], "--trials"),
+        (["reproduce", "run", "--trials", "0"], "--trials': it must be at least 1 ("),
+        (["plan", "arena-3@1"], "arena-3@1 fixes its trials, so that there is nothing to plan"),
     ],
 )
 def test_bad_input_exits_2_with_one_line(place, ran, arguments, said):
     told = inside(*arguments, cwd=place)
     assert (told.returncode, told.stdout, told.stderr.count("\n")) == (2, "", 1), told.stderr
     assert said in told.stderr
+
+
+def test_what_the_system_refuses_is_one_line_with_a_remedy():
+    assert (
+        _explain(PermissionError(13, "Permission denied", "r")) == "Permission denied: r; name another place by --out"
+    )
+    assert (_explain(OSError(28, "No space left on device")) or "").endswith("the same command goes on from there")
+    assert _explain(KeyError("a fault of ours")) is None
 
 
 def test_check_passes_a_builtin_and_fails_a_broken_file(place):
