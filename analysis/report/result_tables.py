@@ -54,11 +54,18 @@ def remark(
     mark: str,
 ) -> str:
     """Return what a reader of a result must know."""
-    remarks = [setting_kind(estimator), "not ranked" * is_refused(certificate), CONSISTENCY.get(flag, "")]
-    remarks += ["offline, not ranked"] if offline else ["bound"] if bound else ["centralised"] * central
+    out_of_rank = failed > 0 or is_refused(certificate)
+    remarks = [setting_kind(estimator), "not ranked" * out_of_rank, CONSISTENCY.get(flag, "")]
+    remarks += (
+        ["offline" if out_of_rank else "offline, not ranked"]
+        if offline
+        else ["bound"]
+        if bound
+        else ["centralised"] * central
+    )
     remarks += ["bytes as declared"] * (not central and declares_bytes(estimator))
     remarks += [mark]
-    lost = "every trial failed" if np.isnan(rmse) else f"{failed} failed, numbers of the other trials"
+    lost = "every trial failed" if np.isnan(rmse) else f"{failed} failed"
     return ", ".join(filter(None, [*remarks, lost * int(failed > 0)]))
 
 

@@ -80,6 +80,9 @@ def show_results(
     console.print(f"next: cooploc report {in_shell(folder)}; --wide prints every column, --legend what they mean")
 
 
+OF_THE_OTHERS = "numbers of an estimator that failed in trials are of its other trials, and not ranked"
+
+
 def _arrange(
     found: pd.DataFrame, rows: pd.DataFrame, manifest: Mapping[str, Any], sort: str
 ) -> tuple[pd.DataFrame, list[str]]:
@@ -94,7 +97,8 @@ def _arrange(
         lines += lines_about({name: recording_lines(part, weak[name]) for name, part in parts})
     if not manifest.get("isolated", True):
         lines.append(ONE_PROCESS)
-    lines += [f"failed: {failed.message} ({'; '.join(failed.where)})" for failed in failures(rows)]
+    lines += [OF_THE_OTHERS] * bool(lost := failures(rows))
+    lines += [f"failed: {failed.message} ({'; '.join(failed.where)})" for failed in lost]
     sentence = stream_sentence(Study(**manifest["study"]), manifest["streams"])
     return ordered, [*lines, *([sentence] if sentence else [])]
 
