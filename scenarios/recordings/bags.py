@@ -25,7 +25,7 @@ from cooploc.scenarios.recordings.bag_storage import KINDS, POSE, TWIST, Bag, Ro
 from cooploc.scenarios.recordings.schema import UNITS, TeamDescription
 from cooploc.scenarios.recordings.sqlite_recovery import recover
 from cooploc.scenarios.recordings.team_log import TeamLog, reading_tables
-from cooploc.scenarios.recordings.text_files import LARGEST
+from cooploc.scenarios.recordings.text_files import LARGEST, files_below
 
 LARGE = 10_000  # bytes of a message, such as an image, that is not compared with others
 PICTURES = {f"sensor_msgs/msg/{kind}" for kind in ("Image", "CompressedImage", "PointCloud2")}  # are never read
@@ -351,9 +351,10 @@ def find_runs(data: Path, _: TeamDescription | None = None) -> dict[str, Path]:
         return {data.resolve().name: data}
     found: dict[str, Path] = {}
     for path in inside:
+        below = {at for file in files_below(path) for at in (file, file.parent)} if path.is_dir() else set()
         if path.is_file() and bag_storage.is_bag(path):
             found[path.name if path.stem in found else path.stem] = path
-        elif path.is_dir() and any(map(bag_storage.is_bag, (path, *path.rglob("*")))):
+        elif any(map(bag_storage.is_bag, below)):
             found[path.name] = path
     if not found:
         raise BadInput(f"{data}: no bag here; it needs files that end with {', '.join(bag_storage.ENDINGS)}")

@@ -8,6 +8,7 @@ import codecs
 import csv
 import io
 import json
+import os
 import re
 import statistics
 import zlib
@@ -99,6 +100,16 @@ class TextTable(NamedTuple):
     def at(self, row: int) -> str:
         """The place of a row, for an error."""
         return f"{self.path}, line {self.line[row]}"
+
+
+def files_below(folder: Path) -> list[Path]:
+    """Return the files below a folder, sorted; of a folder that is a link, too, as where data lies on another disk."""
+    found, known = list[Path](), set[str]()
+    for home, _, names in os.walk(folder, followlinks=True):
+        if (real := os.path.realpath(home)) not in known:  # a link may lead back
+            known.add(real)
+            found += [Path(home) / name for name in names]
+    return sorted(found)
 
 
 def is_text(path: Path) -> bool:

@@ -39,6 +39,7 @@ from cooploc.scenarios.recordings.inspect.naming import (
 from cooploc.scenarios.recordings.inspect.table_parts import first_columns
 from cooploc.scenarios.recordings.radio_nodes import NodeRanges, assign
 from cooploc.scenarios.recordings.team_log import Series
+from cooploc.scenarios.recordings.text_files import files_below
 
 RANGE, IMU = "sensor_msgs/msg/Range", "sensor_msgs/msg/Imu"
 FRAME = "header.frame_id"
@@ -95,7 +96,7 @@ def bag_draft(path: Path) -> Draft:
     tables += _ranges(numbers, robots, truth, series)
     in_bag, beside = {table.name for table in tables}, Draft(())
     for home in text_folders(runs[0]):
-        below = home.rglob("*") if path.is_dir() and home.is_relative_to(path) else home.glob("*")
+        below = files_below(home) if path.is_dir() and home.is_relative_to(path) else home.glob("*")
         texts = [p for p in sorted(below) if is_table(p)]
         beside = beside if beside.tables else tables_beside_bag(home, texts, robots, in_bag)
     fixed = [one for table in beside.tables if table.name in ("anchors", "landmarks") for one in table.entries[0].value]

@@ -38,7 +38,7 @@ from cooploc.scenarios.recordings.inspect.table_parts import (
     why_no_table,
 )
 from cooploc.scenarios.recordings.schema import UNITS
-from cooploc.scenarios.recordings.text_files import OTHER_TABLES, is_text
+from cooploc.scenarios.recordings.text_files import OTHER_TABLES, files_below, is_text
 
 REMEDY = "name the files odom_NAME.csv and truth_NAME.csv, or write log.toml by hand (docs/how-to/robots.md)"
 LOOKS = {
@@ -108,7 +108,7 @@ def is_table(path: Path) -> bool:
 
 
 def _text_files(folder: Path) -> list[Path]:
-    return sorted(p for p in folder.rglob("*") if is_text(p))
+    return [p for p in files_below(folder) if is_text(p)]
 
 
 def _name_mates(files: Sequence[CsvTable], robots: Sequence[str]) -> list[CsvTable]:

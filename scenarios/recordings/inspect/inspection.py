@@ -18,7 +18,7 @@ from cooploc.scenarios.recordings.inspect.draft_toml import Draft, Entry, common
 from cooploc.scenarios.recordings.inspect.findings import CheckedLog, Finding
 from cooploc.scenarios.recordings.scenario import NO_ORDER, TeamScenario, reader
 from cooploc.scenarios.recordings.team_log import TeamLog, other_names
-from cooploc.scenarios.recordings.text_files import is_text
+from cooploc.scenarios.recordings.text_files import files_below, is_text
 
 NOT_FALLING, NO_RSSI = "does not fall with distance", "[rssi] is left out of log.toml"
 ARCHIVES = (".zip", ".tar", ".tgz", ".gz", ".bz2", ".xz", ".7z", ".rar")
@@ -145,7 +145,7 @@ def recognize(path: Path) -> tuple[str, str]:
         raise BadInput(f"{path}: there is no such file or directory; name one with a recording")
     if is_text(path):
         raise BadInput(f"{path}: this is one file; name the directory with the files of all robots, odometry and truth")
-    files = [path] if path.is_file() else sorted(p for p in path.rglob("*") if p.is_file())
+    files = [path] if path.is_file() else files_below(path)
     ending = {p.suffix.lower(): p.name for p in reversed(files)}
     bags = [p.name for p in files if bag_storage.is_bag(p)]
     if bags := bags or [f"{p.resolve().parent.name}, with {p.name}," for p in files if p.name == bag_storage.METADATA]:

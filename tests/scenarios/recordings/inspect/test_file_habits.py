@@ -390,3 +390,15 @@ def test_distances_from_anchors_are_read_from_files_as_others_write_them(tmp_pat
     readings = found.log.readings["anchor_range"]
     assert np.bincount(readings.other).tolist() == [robots * len(files["truth_red.csv"])] * 3
     assert found.findings == ()
+
+
+def test_folders_of_robots_may_be_links_and_a_link_that_leads_back_ends(tmp_path):
+    for robot in ROBOTS:
+        (tmp_path / "disk" / robot).mkdir(parents=True)
+        for kind in KINDS:
+            columns = two_robots(seconds=60)[f"{kind}_{robot}.csv"]
+            pd.DataFrame(columns).to_csv(tmp_path / "disk" / robot / f"{kind}.csv", index=False)
+        (tmp_path / "lab").mkdir(exist_ok=True)
+        (tmp_path / "lab" / robot).symlink_to(tmp_path / "disk" / robot)
+    (tmp_path / "disk" / "red" / "latest").symlink_to(tmp_path / "disk" / "red")
+    assert sorted(cl.inspect(tmp_path / "lab").inspected.log.robots) == sorted(ROBOTS)
