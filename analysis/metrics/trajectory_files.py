@@ -134,7 +134,8 @@ def team_files(place: Path, method: str = "") -> dict[str, Path]:
     Where some are true ones by their names, such as `red_gt.txt`, these are of the truth alone, and of all others those
     with the name of the `method`, if there are any.
     """
-    files = sorted(place.iterdir()) if place.is_dir() else [place] * is_text(place)
+    there = sorted(p for p in place.iterdir() if p.name[0] != ".") if place.is_dir() else []  # ._red.txt is macOS's
+    files = there if place.is_dir() else [place] * is_text(place)
     files = [path for path in files if ".cov." not in path.name and (path == place or path.suffix in ENDINGS)]
     files = [path for path in files if path == place or not PLACES & {*words_of(path.stem)}]
     true = [path for path in files if side_of(path.stem) == TRUTH]
@@ -143,7 +144,7 @@ def team_files(place: Path, method: str = "") -> dict[str, Path]:
         own = [path for path in others if method in re.split(r"[_\-. ]", path.stem)]
         files = true if method == TRUTH else own or others
     if not files and place.is_dir():  # a folder for each robot
-        inside = {path.name: team_files(path, method) for path in sorted(place.iterdir()) if path.is_dir()}
+        inside = {path.name: team_files(path, method) for path in there if path.is_dir()}
         return {name: next(iter(own.values())) for name, own in inside.items() if len(own) == 1}
     named = {path.stem: path for path in files}
     for path in files:

@@ -402,6 +402,7 @@ def test_true_poses_may_lie_beside_those_of_methods(team, place, tmp_path):
             file = tmp_path / place.format(robot=robot, what=what)
             file.parent.mkdir(exist_ok=True)
             shutil.copy(team / f"{name}/{robot}.txt", file)
+            file.with_name(f"._{file.name}").write_bytes(b"\0\5\x16\7Mac OS X")  # what macOS leaves on other disks
     together, _ = judge_trajectories(tmp_path, dict.fromkeys(("mine", "theirs"), tmp_path))
     apart, _ = judge_trajectories(team / "truth", {name: team / name for name in ("mine", "theirs")})
     columns = ["estimator", "name", "rmse", "rpe"]
