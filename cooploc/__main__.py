@@ -43,7 +43,7 @@ def _explain(e: BaseException) -> str | None:
         return str(e)
     if isinstance(e, OSError):
         where = f": {e.filename}" if e.filename is not None else ""
-        remedy = "name another place by --out" if isinstance(e, PermissionError) else KEPT
+        remedy = "ask for access, or name another place" if isinstance(e, PermissionError) else KEPT
         return f"{e.strerror or type(e).__name__}{where}; {remedy}"
     if isinstance(e, MemoryError):
         return f"out of memory; {KEPT}: with fewer --jobs, or where there is more memory"

@@ -56,13 +56,8 @@ def remark(
     """Return what a reader of a result must know."""
     out_of_rank = failed > 0 or is_refused(certificate)
     remarks = [setting_kind(estimator), "not ranked" * out_of_rank, CONSISTENCY.get(flag, "")]
-    remarks += (
-        ["offline" if out_of_rank else "offline, not ranked"]
-        if offline
-        else ["bound"]
-        if bound
-        else ["centralised"] * central
-    )
+    kind = "bound" if bound else "centralised" * central
+    remarks += ["offline" + ", not ranked" * (not out_of_rank) if offline else kind]
     remarks += ["bytes as declared"] * (not central and declares_bytes(estimator))
     remarks += [mark]
     lost = "every trial failed" if np.isnan(rmse) else f"{failed} failed"

@@ -105,10 +105,12 @@ class TextTable(NamedTuple):
 def files_below(folder: Path) -> list[Path]:
     """Return the files below a folder, sorted; of a folder that is a link, too, as where data lies on another disk."""
     found, known = list[Path](), set[str]()
-    for home, _, names in os.walk(folder, followlinks=True):
-        if (real := os.path.realpath(home)) not in known:  # a link may lead back
-            known.add(real)
-            found += [Path(home) / name for name in names]
+    for home, folders, names in os.walk(folder, followlinks=True):
+        if (real := os.path.realpath(home)) in known:  # a link may lead back
+            folders.clear()
+            continue
+        known.add(real)
+        found += [Path(home) / name for name in names]
     return sorted(found)
 
 

@@ -95,7 +95,8 @@ def test_bad_input_exits_2_with_one_line(place, ran, arguments, said):
 
 def test_what_the_system_refuses_is_one_line_with_a_remedy():
     assert (
-        _explain(PermissionError(13, "Permission denied", "r")) == "Permission denied: r; name another place by --out"
+        _explain(PermissionError(13, "Permission denied", "r"))
+        == "Permission denied: r; ask for access, or name another place"
     )
     assert (_explain(OSError(28, "No space left on device")) or "").endswith("the same command goes on from there")
     assert _explain(KeyError("a fault of ours")) is None
