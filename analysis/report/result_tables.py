@@ -55,9 +55,9 @@ def remark(
 ) -> str:
     """Return what a reader of a result must know."""
     out_of_rank = failed > 0 or is_refused(certificate)
-    remarks = [setting_kind(estimator), "not ranked" * out_of_rank, CONSISTENCY.get(flag, "")]
-    kind = "bound" if bound else "centralised" * central
-    remarks += ["offline" + ", not ranked" * (not out_of_rank) if offline else kind]
+    remarks = [setting_kind(estimator), "not ranked" if out_of_rank else "", CONSISTENCY.get(flag, "")]
+    not_again = "" if out_of_rank else ", not ranked"
+    remarks += [f"offline{not_again}" if offline else "bound" if bound else "centralised" if central else ""]
     remarks += ["bytes as declared"] * (not central and declares_bytes(estimator))
     remarks += [mark]
     lost = "every trial failed" if np.isnan(rmse) else f"{failed} failed"
