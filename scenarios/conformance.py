@@ -138,7 +138,9 @@ def check_estimator(
     longest = time_limit + run_limit
     owner = PLUGINS if isinstance(estimator, str) else SESSION  # a file's neighbours are not those of an object
     try:
-        report: Report = call(owner, _check_here, estimator, name, seed, time_limit, seconds=longest, limit=run_limit)
+        report: Report = call(
+            owner, _check_quietly, estimator, name, seed, time_limit, seconds=longest, limit=run_limit
+        )
         return report
     except (WorkerError, MemoryError) as e:
         why = str(e) if isinstance(e, WorkerError) else one_line(e)
@@ -147,16 +149,18 @@ def check_estimator(
         return Report(name, (failed, *others))
 
 
-def _check_here(estimator: Any, name: str, seed: int, time_limit: float = math.inf) -> Report:
-    """Run the checks in this process; after a failure of one of `FIRST`, no other means anything.
-
-    What the estimator prints in 150 runs is dropped.
-    """
-    harness, results, reason = Harness(name, make_instance(estimator), seed, time_limit), list[Result](), ""
+def _check_quietly(*asked: Any) -> Report:
+    """Run the checks without what the estimator prints in 150 runs."""
     with contextlib.redirect_stdout(io.StringIO()):
-        for check in CHECKS:
-            results.append(Result(check, "skipped", reason, seed) if reason else run_check(check, harness))
-            reason = reason or (FIRST.get(check, "") if results[-1].status == "failed" else "")
+        return _check_here(*asked)
+
+
+def _check_here(estimator: Any, name: str, seed: int, time_limit: float = math.inf) -> Report:
+    """Run the checks in this process; after a failure of one of `FIRST`, no other means anything."""
+    harness, results, reason = Harness(name, make_instance(estimator), seed, time_limit), list[Result](), ""
+    for check in CHECKS:
+        results.append(Result(check, "skipped", reason, seed) if reason else run_check(check, harness))
+        reason = reason or (FIRST.get(check, "") if results[-1].status == "failed" else "")
     return Report(name, tuple(results))
 
 

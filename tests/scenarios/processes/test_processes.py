@@ -159,6 +159,11 @@ def test_a_process_of_its_own_gives_the_bits_of_this_one_and_prints_on_stderr(ca
     for field in ("x", "P", "messages", "bytes"):
         one, two = (getattr(run.traces["mine"], field) for run in (apart, here))
         np.testing.assert_array_equal(one, two)
+    capsys.readouterr()
+    assert cl.check_estimator(cls()).ran
+    assert "seen" not in "".join(capsys.readouterr())  # of 150 runs
+    cl.check_estimator(cls(), isolate=False)  # as for a debugger
+    assert "seen" in capsys.readouterr().out
 
 
 def test_what_contradicts_itself_is_refused():
