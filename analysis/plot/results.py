@@ -113,7 +113,7 @@ def _add_note(ax: Axes, text: str) -> None:
 
 def _draw_in_rows(table: pd.DataFrame, pens: Pens, above: str) -> Axes:
     """Draw many estimators as rows with their names, best on top, a panel for each of a few scenarios."""
-    named = {str(row["estimator"]): name_of(row) for row in table.to_dict("records")}
+    named = {str(row["estimator"]): name_of(row) for row in table.sort_values("failed").to_dict("records")}
     errors = np.log(table["rmse"]).groupby(table["estimator"]).mean().sort_values(ascending=False, na_position="first")
     rows = [wrap_label(named[str(name)], 55) for name in errors.index]
     parts = [part for _, part in table.groupby("scenario", sort=False)]
@@ -253,14 +253,15 @@ def ranking(parts: Sequence[pd.DataFrame], pens: Pens, short: Short, medium: Sty
     """Draw RMSE of every estimator with its interval, a panel for each scenario; smallest in the first on top."""
     parts = [part[part["rmse"].notna()] for part in parts]
     order = list(dict.fromkeys(name for part in parts for name in part.sort_values("rmse")["estimator"]))[::-1]
-    refused = {row["estimator"] for part in parts for row in part.to_dict("records") if is_refused(row["certificate"])}
+    rows = [row for part in parts for row in part.to_dict("records")]
+    unranked = {row["estimator"]: why for row in rows if (why := style.why_unranked(row))}
     titles = [wrap_label(str(part["scenario"].iloc[0]), int(18 * (medium.width - 1.4) / len(parts))) for part in parts]
     height = 0.55 + 0.17 * len(order) + 0.14 * (1 + max(title.count("\n") for title in titles))
 
     def draw(ax: Axes, part: pd.DataFrame, title: str) -> None:
         _draw_rows(ax, part, order, pens)
         set_log_scale(ax.xaxis, *span(part, "rmse", "floor"))
-        ax.set_yticks(range(len(order)), [short(name) + style.UNRANKED * (name in refused) for name in order])
+        ax.set_yticks(range(len(order)), [short(name) + unranked.get(name, "") for name in order])
         ax.set_title(title)
 
     draws = [partial(draw, part=part, title=title) for part, title in zip(parts, titles, strict=True)]

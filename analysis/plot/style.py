@@ -45,7 +45,6 @@ MARKERS: tuple[Any, ...] = (*"XosD^vP*ph<>d8H", *STARS)
 SOLID, DOTTED, BROKEN, OFFLINE = "-", (0, (1, 1.5)), (0, (2, 2)), (0, (5, 1.5, 1, 1.5))
 DASHES: tuple[Any, ...] = (SOLID, (0, (6, 1.5)), (0, (3, 1, 1, 1)), (0, (8, 1, 1, 1, 1, 1)))
 DARK, GREY, BAND, GRID, FAINT = "0.2", to_hex("0.55"), "0.93", "0.92", "0.88"
-UNRANKED = " (failed a check)"
 Row = Mapping[Any, Any] | pd.Series
 
 
@@ -133,11 +132,20 @@ def colour_of(row: Row, pen: Pen) -> Any:
     return GREY if row["centralised"] and len(set(to_rgb(pen.colour))) > 1 else pen.colour
 
 
+def why_unranked(row: Row) -> str:
+    """Return why an estimator is not ranked, to stand behind its name: what failed."""
+    return (
+        " (failed a check)"
+        if is_refused(row["certificate"])
+        else " (failed in trials)" * bool(row.get("failed", 0) > 0)
+    )
+
+
 def name_of(row: Row, name: str = "") -> str:
     """Return an estimator's name, or `name`, with why it is not ranked."""
     standing = " (bound)" if row["bound"] else " (centralised)" * bool(row["centralised"])
     standing = " (offline)" if row.get("offline", False) else standing
-    return (name or drop_folders(str(row["estimator"]))) + standing + UNRANKED * is_refused(row["certificate"])
+    return (name or drop_folders(str(row["estimator"]))) + standing + why_unranked(row)
 
 
 def _line_of(row: Row, line: Any) -> Any:

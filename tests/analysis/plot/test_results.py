@@ -125,7 +125,8 @@ def test_many_estimators_are_rows_in_order_of_error_and_those_without_one_stand_
     rows.loc[rows["estimator"].isin(lost), "mse"] = float("nan")
     ax = cl.plot.rmse(rows)
     names = [text.get_text() for text in ax.get_yticklabels()]
-    assert names == [f"e{i}" for i in range(9) if f"e{i}" in lost] + [f"e{i}" for i in range(9) if f"e{i}" not in lost]
+    failed = [f"e{i} (failed in trials)" for i in range(9) if f"e{i}" in lost]
+    assert names == failed + [f"e{i}" for i in range(9) if f"e{i}" not in lost]
     drawn = [line for line in ax.lines if line.get_marker() not in ("None", "", None) and len(line.get_xdata()) == 1]
     assert sum(bool(line.get_xdata()[0] > 0) for line in drawn) == 9 - len(lost)
     assert ax.get_legend() is None
