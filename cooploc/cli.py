@@ -194,13 +194,17 @@ def check(
     seed: Annotated[int, typer.Option(help="random seed of the streams it is tried on")] = 0,
     time_limit: Annotated[float, typer.Option(help="seconds of all checks of what is not built in")] = 600.0,
     isolate: Isolate = True,
+    scenario: Annotated[
+        list[str] | None, typer.Option(help="one with a channel that the small worlds of the checks lack")
+    ] = None,
+    data: Recordings = None,
 ) -> None:
     """Check that an estimator cannot cheat and keeps the rules."""
     from cooploc.terminal.console import make_console
 
     with make_console(stderr=True).status("checking; a slow filter takes minutes"):
-        result = cl.check_estimator(estimator, seed=seed, isolate=isolate, time_limit=time_limit)
-    terminal.tables.show_checks(result)
+        result = cl.check_estimator(estimator, None, seed, isolate, time_limit, scenario or (), data)
+    terminal.tables.show_checks(result, scenario[0] if scenario else "", data)
     if not result.passed:
         raise typer.Exit(1)
 

@@ -42,7 +42,7 @@ class DeadReckoning:
     api: ClassVar[int] = 1
     sends: ClassVar[str] = "nothing"
     consistency: ClassVar[str] = "consistent"
-    uses: tuple[str, ...] = ("odometry",)
+    uses: ClassVar[tuple[str, ...]] = ("odometry",)
 
     correct = ignore_senses
     send = send_nothing
@@ -68,7 +68,7 @@ class Constant:
     sends: ClassVar[str] = "nothing"
     consistency: ClassVar[str] = "consistent"
     own_motion: ClassVar[str] = "it does not move"
-    uses: tuple[str, ...] = ()
+    uses: ClassVar[tuple[str, ...]] = ()
 
     predict = ignore_senses
     correct = ignore_senses

@@ -2,9 +2,12 @@
 
 import math
 import time
+from collections.abc import Iterator, Sequence
 from copy import copy
 from dataclasses import replace
 from functools import cached_property
+from itertools import islice
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,18 +15,21 @@ import numpy as np
 from cooploc.estimators.errors import one_line
 from cooploc.estimators.interface import Array, Mask
 from cooploc.estimators.registry import traits
-from cooploc.scenarios import simulate, variations
+from cooploc.scenarios import resolve, simulate, variations
 from cooploc.scenarios.process import limit_time, place_of
 from cooploc.scenarios.runner.tick import EstimatorError, IncompatibleEstimator, Watcher, select_channels
 from cooploc.scenarios.runner.trace import ROUNDING, Trace, require_fit, trace
 from cooploc.scenarios.stream import Stream
 
-TRIALS = 3
+TRIALS, TICKS = 3, 12
+WITH_GAPS = ", some readings absent"  # behind the label
 RUN_SHARE = 0.1  # of the time limit, for each run
 TIME_OVER = "of all checks were over"  # words of a check that was skipped for that
-_RADIO: dict[str, Any] = {"ticks": 12, "drop": 0.3}
+_RADIO: dict[str, Any] = {"ticks": TICKS, "drop": 0.3}
 _CAMERA: dict[str, Any] = {**_RADIO, "sight": 8.0, "view": 1.5}  # wide view: even a short stream has sightings
 # One robot and one trial are a single row: the shape on which mistakes in broadcasting show.
+# Other scenarios are asked where none of these has what an estimator reads.
+MOST_OTHERS, RECORDED = 2, 5  # how many; a recording has readings in few ticks, and is so many times as long
 SCENARIOS = {"robots-1-3/n=3": _RADIO, "robots-1-3/n=1": _RADIO, "camera/n=3": _CAMERA, "camera/n=1": _CAMERA}
 
 
@@ -56,11 +62,19 @@ class RunRecord(NamedTuple):
 class Harness:
     """An estimator, the small streams that it can run on, and how it ran on them."""
 
-    def __init__(self, name: str, estimator: Any, seed: int, time_limit: float = math.inf, ticks: int = 0) -> None:
+    def __init__(
+        self,
+        name: str,
+        estimator: Any,
+        seed: int,
+        time_limit: float = math.inf,
+        scenarios: Sequence[str] = (),
+        data: Path | None = None,
+        ticks: int = TICKS,
+    ) -> None:
         """`time_limit` is of all its runs [s], of which one may take a tenth."""
         self.name, self.estimator, self.seed, self.time_limit = name, estimator, seed, time_limit
-        self.began = time.monotonic()
-        self.changed = {"ticks": ticks} if ticks else {}
+        self.scenarios, self.data, self.ticks, self.began = scenarios, data, ticks, time.monotonic()
         self.traits = traits(estimator) if not isinstance(estimator, type) else traits(None)
         self.centralised = self.traits.team and self.traits.centralised  # only a team estimator can be
         self.runs = 0
@@ -75,23 +89,44 @@ class Harness:
         """Whether its keys, the only randomness that is allowed, make no difference."""
         return not any(self.differs(base, replace(stream, seed=stream.seed + 1)) for stream, base in self.cases)
 
+    def of_length(self, ticks: int) -> "Harness":
+        """Return the same with streams of so many ticks."""
+        asked = self.scenarios, self.data, ticks
+        return Harness(self.name, self.estimator, self.seed, self.time_limit, *asked)
+
     @cached_property
     def streams(self) -> list[Stream]:
         """The small streams on which the estimator does not refuse to start, some of their readings absent."""
-        fitting, reasons = [], []
+        reasons: list[str] = []
+        found = list(self._fitting(self._simulated(), reasons))
+        found = found or list(islice(self._fitting(self._beginnings(), reasons), MOST_OTHERS))
+        if not found:
+            pairs = len(SCENARIOS)
+            reason = "; ".join(dict.fromkeys([*reasons[:pairs:2], *reasons[pairs:]]))
+            raise CheckFailed(reason, remedy_of(reason))
+        return found
+
+    def _simulated(self) -> Iterator[Stream]:
         for label, overrides in SCENARIOS.items():
-            stream = simulate(label, trials=TRIALS, seed=self.seed, **overrides | self.changed)[1]
+            yield simulate(label, trials=TRIALS, seed=self.seed, **{**overrides, "ticks": self.ticks})[1]
+
+    def _beginnings(self) -> Iterator[Stream]:
+        """Yield the first ticks of the other scenarios."""
+        for label in self.scenarios:
+            scenario = resolve(label, self.data)
+            trials, ticks = (1, RECORDED * self.ticks) if scenario.is_recording else (TRIALS, self.ticks)
+            yield scenario.of_length(ticks).simulate(trials, self.seed)[1].first_ticks(ticks)
+
+    def _fitting(self, streams: Iterator[Stream], reasons: list[str]) -> Iterator[Stream]:
+        """Yield the streams that the estimator can run on, with gaps, and note of the others why it cannot."""
+        for stream in streams:
             try:
                 require_fit(self.name, self.estimator, stream)
             except IncompatibleEstimator as e:
                 reasons.append(str(e))
                 continue
             sparse = variations.drop_readings(stream, self.rng)
-            fitting.append(replace(sparse, scenario=f"{stream.scenario}, some readings absent"))
-        if not fitting:
-            reason = "; ".join(reasons[::2])  # the scenarios come in pairs
-            raise CheckFailed(reason, remedy_of(reason))
-        return fitting
+            yield replace(sparse, scenario=stream.scenario + WITH_GAPS)
 
     @cached_property
     def cases(self) -> list[tuple[Stream, RunRecord]]:
@@ -104,8 +139,11 @@ class Harness:
         return [case for case in self.cases if case[0].robots > 1]
 
     def arrays(self, stream: Stream) -> dict[str, str]:
-        """Return the channels of a stream that the estimator reads, each with its name in `Stream.arrays`."""
-        return {c: variations.name_of_array(c) for c in sorted(select_channels(self.name, self.estimator.uses, stream))}
+        """Return the channels that the estimator reads, with their names in `Stream.arrays`, if they have a reading."""
+        channels = sorted(select_channels(self.name, self.estimator.uses, stream))
+        named = {channel: variations.name_of_array(channel) for channel in channels}
+        held = stream.arrays()
+        return {c: name for c, name in named.items() if held[name].dtype.kind == "f" and np.isfinite(held[name]).any()}
 
     def run(self, stream: Stream, when: str, estimator: Any = None, watch: Watcher | None = None) -> RunRecord:
         """Run the estimator, or another in its place; `when` says what was changed, if anything: "no packets"."""
@@ -205,5 +243,6 @@ CAUSES = {  # words of an error -> what to change
     "No module named": "install it beside cooploc",
     "shape": "cooploc.estimators.interface has the shape of every array",
     "attribute 'radio_": "the readings of teammates come with what was heard, in fuse(): mail.range, mail.rssi",
-    "needs channel": "name in `uses` what these worlds have: 'a|b' is the first that there is, 'a?' one that may lack",
+    "needs channel": "name in `uses` what these worlds have: 'a|b' is the first that there is, 'a?' one that may lack; "
+    "or check it where there is such a channel: cooploc check --scenario, in Python scenarios=",
 }

@@ -13,8 +13,9 @@ import math
 import pickle
 import random
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from types import FunctionType
 from typing import Any
 
@@ -24,7 +25,7 @@ import numpy as np
 from cooploc.estimators import is_builtin, make
 from cooploc.estimators.errors import BadInput, one_line
 from cooploc.estimators.interface import Belief, Mail, Mask
-from cooploc.estimators.label_syntax import shorten_labels
+from cooploc.estimators.label_syntax import expand, shorten_labels
 from cooploc.estimators.models import Displacement, Unicycle, wrap_heading
 from cooploc.estimators.registry import refusal
 from cooploc.scenarios import variations
@@ -32,6 +33,7 @@ from cooploc.scenarios.check_harness import (
     ABSENT_READINGS,
     COVARIANCES,
     RUN_SHARE,
+    WITH_GAPS,
     CheckFailed,
     CheckSkipped,
     Harness,
@@ -109,7 +111,13 @@ class Report:
 
 
 def check_estimator(
-    estimator: Any, name: str | None = None, seed: int = 0, isolate: bool = True, time_limit: float = TIME_LIMIT
+    estimator: Any,
+    name: str | None = None,
+    seed: int = 0,
+    isolate: bool = True,
+    time_limit: float = TIME_LIMIT,
+    scenarios: str | Sequence[str] = (),
+    data: str | Path | None = None,
 ) -> Report:
     """Run every check on an estimator: it may neither cheat nor break the interface.
 
@@ -121,6 +129,8 @@ def check_estimator(
             own, where it may crash or hang.
         time_limit: [s] for all checks in that process, of which one run may take a tenth; those that are left are
             skipped. math.inf for none.
+        scenarios: a label, or several, of others to try it on where it reads a channel that our small worlds lack.
+        data: the directory of those that are recordings.
 
     Returns:
         A report: `passed`, `table()`, and a `Result` for each check, `report["causality"]`.
@@ -132,14 +142,16 @@ def check_estimator(
     name = name or label_of(estimator)
     if not time_limit > 0:
         raise BadInput(f"time_limit is {time_limit:g}; it must be above 0 s")
+    labels = [scenarios] if isinstance(scenarios, str) else scenarios
+    where = tuple(each for label in labels for each in expand(label)), data and Path(data)
     if not isolate or is_builtin(estimator):
-        return _check_here(estimator, name, seed)
+        return _check_here(estimator, name, seed, math.inf, *where)
     run_limit = RUN_SHARE * time_limit
     longest = time_limit + run_limit
     owner = PLUGINS if isinstance(estimator, str) else SESSION  # a file's neighbours are not those of an object
     try:
         report: Report = call(
-            owner, _check_quietly, estimator, name, seed, time_limit, seconds=longest, limit=run_limit
+            owner, _check_quietly, estimator, name, seed, time_limit, *where, seconds=longest, limit=run_limit
         )
         return report
     except (WorkerError, MemoryError) as e:
@@ -155,11 +167,11 @@ def _check_quietly(*asked: Any) -> Report:
         return _check_here(*asked)
 
 
-def _check_here(estimator: Any, name: str, seed: int, time_limit: float = math.inf) -> Report:
+def _check_here(estimator: Any, name: str, *how: Any) -> Report:
     """Run the checks in this process; after a failure of one of `FIRST`, no other means anything."""
-    harness, results, reason = Harness(name, make_instance(estimator), seed, time_limit), list[Result](), ""
+    harness, results, reason = Harness(name, make_instance(estimator), *how), list[Result](), ""
     for check in CHECKS:
-        results.append(Result(check, "skipped", reason, seed) if reason else run_check(check, harness))
+        results.append(Result(check, "skipped", reason, harness.seed) if reason else run_check(check, harness))
         reason = reason or (FIRST.get(check, "") if results[-1].status == "failed" else "")
     return Report(name, tuple(results))
 
@@ -168,7 +180,9 @@ def run_check(name: str, harness: Harness) -> Result:
     """Run one check; whatever the estimator raises is a failure."""
     check, before = CHECKS[name], harness.runs
     try:
-        detail = f"{check(harness)} ({harness.runs - before} runs)"
+        detail = check(harness)
+        count = harness.runs - before
+        detail += f" ({count} run{'s' * (count != 1)})"
         axes = harness.traits.axes
         exempt = f"axes: {axes}" if axes and name == "equivariance" else ""
         return Result(name, "passed", detail, harness.seed, exempt=exempt)
@@ -199,9 +213,10 @@ def runs(harness: Harness) -> str:
         raise CheckFailed(f"it has no method {method}()", "add it; cooploc.estimators.interface describes it")
     if about.team and not about.offline and not isinstance(getattr(estimator, "bound", None), bool):
         raise CheckFailed("it does not say whether it is a bound", "set bound = True or bound = False")
-    labels = [stream.scenario.partition("[")[0] for stream in harness.streams]
+    labels = [stream.scenario.removesuffix(WITH_GAPS).partition("[")[0] for stream in harness.streams]
     t, T, _, _ = harness.cases[0][1].trace.x.shape
-    return f"ran on {t} trials of {T} ticks of {', '.join(labels)}: every estimate is finite and of the right shape"
+    trials = f"{t} trial{'s' * (t != 1)} of {T} ticks"
+    return f"ran on {trials} of {', '.join(labels)}: every estimate is finite and of the right shape"
 
 
 def determinism(harness: Harness) -> str:
@@ -406,9 +421,8 @@ def declaration(harness: Harness) -> str:
         sound &= (messages > 0) | (sent == 0)
         require_none(~sound[:, None], stream, " states messages and bytes of which each has no header of 8 bytes")
     declared = unused = {channel for stream in harness.streams for channel in harness.arrays(stream)}
-    for ticks, factor in ((0, 1.0), (LONG, 1.0), (LONG, 1e-4)):
-        other = Harness(harness.name, harness.estimator, harness.seed, harness.time_limit, ticks)
-        for stream in other.streams if unused else ():
+    for ticks, factor in ((harness.ticks, 1.0), (LONG, 1.0), (LONG, 1e-4)):
+        for stream in harness.of_length(ticks).streams if unused else ():
             P = stream.prior.P.copy()
             P[:, 0] *= factor
             unused = unused - _find_used(harness, stream.replace_arrays({"prior.P": P}), unused)
@@ -439,7 +453,8 @@ def equivariance(harness: Harness) -> str:
     axes = harness.traits.axes
     turn, moved = (np.eye(2), "shifted") if axes else (variations.QUARTER, "turned by 90 degrees and shifted")
     for stream, base in harness.cases:
-        if stream.senses.extra or not isinstance(stream.world.motion, Displacement | Unicycle):
+        unknown = stream.senses.extra.keys() - {"anchor_range"}
+        if unknown or not isinstance(stream.world.motion, Displacement | Unicycle):
             raise CheckSkipped("it is not known how this scenario's channels or odometry turn with the world")
         expected = variations.move_belief(Belief(base.trace.x, base.trace.P), turn)
         try:  # some estimators take the anchors one by one, some want the corners in order

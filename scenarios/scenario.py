@@ -24,7 +24,7 @@ from pydantic import BaseModel, ValidationError
 from cooploc.estimators.errors import BadInput, first_reason, nearest
 from cooploc.estimators.interface import TEAM_PRIOR, World
 from cooploc.estimators.registry import load_object
-from cooploc.scenarios.stream import Stream, Truth
+from cooploc.scenarios.stream import Stream, Truth, find_fault
 
 
 class Scenario(Protocol):
@@ -152,9 +152,9 @@ class ResolvedScenario:
         """Return sentences on what was left out, sorted or repaired while reading; empty for simulated worlds."""
         return list(getattr(self.model, "faults", list)())
 
-    def first_tick(self) -> "ResolvedScenario":
-        """Return the same scenario with one tick, where its length can be chosen."""
-        return self._override({"ticks": 1}) if hasattr(self.model, "ticks") and not self.is_recording else self
+    def of_length(self, ticks: int) -> "ResolvedScenario":
+        """Return the same scenario with so many ticks, where its length can be chosen."""
+        return self._override({"ticks": ticks}) if hasattr(self.model, "ticks") and not self.is_recording else self
 
     def simulate(self, trials: int | Sequence[int], seed: int) -> tuple[Truth, Stream]:
         """Simulate truth and stream of some trials; `scenarios.simulate` says more.
@@ -166,19 +166,19 @@ class ResolvedScenario:
         model = self._model_of(numbers)
         self.require_memory(len(numbers))
         world = self._assume(model.world(), numbers) if self.assumed else model.world()
-        truth, stream = self._require_pair(model.simulate(self.label, numbers, seed, world))
+        truth, stream = self._require_pair(model.simulate(self.label, numbers, seed, world), numbers)
         stream = add_team_priors(stream) if self.options.team_priors else stream
         return replace(truth, origin=stream.hashes), stream  # a model may have changed the stream of another one
 
-    def _require_pair(self, found: Any) -> tuple[Truth, Stream]:
+    def _require_pair(self, found: Any, numbers: Sequence[int]) -> tuple[Truth, Stream]:
         """Refuse what a model must not return."""
         kinds = [type(one) for one in found] if isinstance(found, tuple | list) else [type(found)]
         if kinds != [Truth, Stream]:
             given = ", ".join(kind.__name__ for kind in kinds)
             raise BadInput(f"scenario {self.label!r}: its simulate() returned {given}; it must be truth, stream")
-        truth, stream = found
-        if not np.isfinite(truth.x[truth.valid][..., :2]).all():
-            raise BadInput(f"scenario {self.label!r}: true positions are not finite in ticks that are said to be valid")
+        truth, stream = (one if one.scenario == self.label else replace(one, scenario=self.label) for one in found)
+        if fault := find_fault(truth, stream, numbers):
+            raise BadInput(f"scenario {self.label!r}: {fault}")
         return truth, stream
 
     def require_memory(self, trials: int) -> None:

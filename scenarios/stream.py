@@ -7,7 +7,7 @@ are equal. A stream's file is a zip of plain arrays (numpy's npz, no pickle) who
 import hashlib
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -78,6 +78,7 @@ class Stream:
     notes: Mapping[str, Any] = field(default_factory=dict)  # where it comes from, what was dropped
 
     def __post_init__(self) -> None:
+        _require_shapes(self)
         for array in self.arrays().values():
             array.flags.writeable = False
 
@@ -121,12 +122,12 @@ class Stream:
     def select(self, trials: slice | list[int]) -> "Stream":
         """Return some of the trials, bit-identical, in any order."""
         chosen = {name: array[trials] for name, array in self.arrays().items()}
-        return replace(self.replace_arrays(chosen), trial=self.trial[trials])
+        return replace(self, trial=self.trial[trials], **_readings(chosen))
 
     def first_ticks(self, ticks: int) -> "Stream":
         """Return the stream of the first ticks only."""
         arrays = {name: a if name.startswith("prior") else a[:, :ticks] for name, a in self.arrays().items()}
-        return replace(self.replace_arrays(arrays), time=self.time[:ticks])
+        return replace(self, time=self.time[:ticks], **_readings(arrays))
 
     def replace_arrays(self, arrays: Mapping[str, Any]) -> "Stream":
         """Return a stream with some of `arrays()` replaced; what begins with "extra." may be new.
@@ -192,6 +193,50 @@ class Stream:
             if written != found:
                 raise BadInput(f"{path}: trial {trial} is not what was written (hash differs); get the file again")
         return stream
+
+
+def _require_shapes(stream: Stream) -> None:
+    """Refuse arrays of another shape or type than the interface states: compiled loops would not notice."""
+    world, t, ticks, n = stream.world, len(stream.trial), len(stream.time), stream.robots
+    d = 2 if np.shape(stream.prior.x)[2:] == (2,) else 3
+    whole = {"prior.x": (t, n, d), "prior.P": (t, n, d, d), "senses.dt": (t, ticks, n), "air.link": (t, ticks, n, n)}
+    things = {"anchor_rssi": (len(world.anchors),), "landmark": (len(world.landmarks), 2), "sighting": (n, 2)}
+    channels = {f"senses.{name}": shape for name, shape in things.items()} | {"air.rssi": (n,), "air.range": (n,)}
+    if type(world.motion) in MODELS.values():
+        channels["senses.odometry"] = (2,)
+    for name, array in stream.arrays().items():
+        where = f"stream of {stream.scenario!r}, {_size(t, ticks, n)}: {name}"
+        if not isinstance(array, np.ndarray):
+            raise BadInput(f"{where} is of type {type(array).__name__}: give a numpy array")
+        own = channels.get(name, array.shape[3:])
+        shape = whole.get(name, (t, ticks, n, *own))
+        if array.shape != shape and (name not in channels or array.shape != (t, ticks, n, 0, *own[1:])):
+            absent = ", or of width 0 in axis 3 where the channel does not exist" * (name in channels)
+            raise BadInput(f"{where} has shape {array.shape}; it must be {shape}{absent}")
+        kind = bool if name == "air.link" else float
+        if not name.startswith("extra.") and not np.issubdtype(array.dtype, kind):
+            raise BadInput(f"{where} holds {array.dtype}; write .astype({kind.__name__})")
+
+
+def find_fault(truth: Truth, stream: Stream, trials: Sequence[int]) -> str:
+    """Return a sentence on what cannot be in truth and stream that a scenario gave for these trials, else ""."""
+    shape, x, P = (len(trials), len(stream.time), stream.robots), *stream.prior
+    for what, one in (("truth", truth), ("stream", stream)):
+        if one.trial.tolist() != list(trials):
+            return f"its {what} is of trials {one.trial.tolist()}, and simulate() was asked for {list(trials)}"
+    if truth.valid.shape != shape or truth.valid.dtype != bool or truth.x.shape not in ((*shape, 2), (*shape, 3)):
+        found = f"x {truth.x.shape} and valid {truth.valid.shape} of {truth.valid.dtype}"
+        return f"its truth has {found}; they must be {(*shape, 2)} or {(*shape, 3)}, and {shape} of bool"
+    if not np.isfinite(truth.x[truth.valid][..., :2]).all():
+        return "true positions are not finite in ticks that are said to be valid"
+    if not (np.diff(stream.time) > 0).all():
+        return "its times do not increase"
+    if not (stream.senses.dt >= 0).all():
+        return "senses.dt is negative or nan; it is the time [s] that the odometry covers"
+    if not np.isfinite(x).all() or not np.isfinite(P).all() or (np.linalg.eigvalsh(P) < -1e-9 * np.abs(P).max()).any():
+        return "its prior is not finite, or has a covariance that is not positive"
+    infinite = [name for name, a in stream.arrays().items() if a.dtype.kind == "f" and np.isinf(a).any()]
+    return f"{infinite[0]} is infinite somewhere; write nan for what is absent" if infinite else ""
 
 
 def _readings(arrays: Mapping[str, Any]) -> dict[str, Any]:

@@ -33,15 +33,18 @@ def hide(stream: Stream, *names: str) -> Stream:
 
 
 def can_be_absent(stream: Stream) -> dict[str, Array]:
-    """Return the arrays of a stream that a filter can do without."""
-    return {name: array for name, array in stream.arrays().items() if name not in (*NEVER_HIDDEN, "air.link")}
+    """Return the arrays of a stream that a filter can do without: nan is absent."""
+    floats = {name: array for name, array in stream.arrays().items() if array.dtype.kind == "f"}
+    return {name: array for name, array in floats.items() if name not in NEVER_HIDDEN}
 
 
 def drop_readings(stream: Stream, rng: np.random.Generator) -> Stream:
     """Hide two in five readings in every third tick, and all in tick 4: the checks need absent readings."""
-    tick, changed = np.arange(len(stream.time))[None, :, None, None], {}
+    ticks, changed = np.arange(len(stream.time)), {}
     for name, array in can_be_absent(stream).items():
-        gone = (tick % 3 == 1) & (rng.uniform(size=array.shape[:4]) < 0.4) | (tick == 4)
+        drawn = rng.uniform(size=array.shape[:4])
+        tick = ticks.reshape(1, -1, *(1,) * (drawn.ndim - 2))
+        gone = (tick % 3 == 1) & (drawn < 0.4) | (tick == 4)
         changed[name] = np.where(_expand(gone, array), np.nan, array)
     return stream.replace_arrays(changed)
 
@@ -54,7 +57,7 @@ def perturb_readings(
     ticks = np.arange(len(stream.time)) >= since
     changed = {}
     for name, array in stream.arrays().items():
-        if name != "air.link":
+        if array.dtype.kind == "f":
             where = robots[None] & (since == 0) if name.startswith("prior.") else ticks[None, :, None] & robots
             changed[name] = np.where(_expand(where, array), _perturb(name, array, mode, rng), array)
     return stream.replace_arrays(changed)
@@ -88,7 +91,8 @@ def _expand(lead: Array | Mask, array: Array) -> Array | Mask:
 def move_world(stream: Stream, turn: Array, roll: int) -> Stream:
     """Return the same readings in a world that is turned, then shifted; its anchors are renumbered by `roll`."""
     (x, P), senses, w = move_belief(stream.prior, turn), stream.senses, stream.world
-    changed = {"prior.x": x, "prior.P": P, "senses.anchor_rssi": np.roll(senses.anchor_rssi, -roll, axis=-1)}
+    of_anchors = {name: a for name, a in stream.arrays().items() if name.rpartition(".")[2].startswith("anchor_")}
+    changed = {"prior.x": x, "prior.P": P} | {name: np.roll(a, -roll, axis=-1) for name, a in of_anchors.items()}
     if isinstance(w.motion, Displacement):
         changed["senses.odometry"] = senses.odometry @ turn.T
     if x.shape[-1] == 2:  # a compass: a bearing is against the x axis

@@ -9,7 +9,7 @@ import hashlib
 import platform
 import re
 import subprocess
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import asdict
 from functools import cache
@@ -181,7 +181,12 @@ def _cpu() -> str:
 
 
 def check_plugins(
-    manifest: dict[str, Any], write: Callable[[], None], check: bool, isolate: bool, say: Callable[[str], None]
+    manifest: dict[str, Any],
+    data: Path | None,
+    write: Callable[[], None],
+    check: bool,
+    isolate: bool,
+    say: Callable[[str], None],
 ) -> None:
     """Check the plug-in estimators of a run that were not checked in their present version."""
     held = manifest["certificates"]
@@ -195,17 +200,20 @@ def check_plugins(
             continue
         if check:
             say(f"checking {label}, as it is not built in (--no-check leaves it out)")
-        found = certify(label, isolate) if check else _certificate("unchecked", "by request (--no-check)")
+        places = [scenario for scenario, cell in manifest["cells"].items() if label in cell["estimators"]]
+        found = certify(label, isolate, places, data) if check else _certificate("unchecked", "by request (--no-check)")
         held[label] = {**found, "source": source, **plugin_statements(name)}
         write()
         if check:
             say(f"{label}: {short_certificate(_line(held[label]))}")
 
 
-def certify(label: str, isolate: bool = True) -> dict[str, Any]:
+def certify(
+    label: str, isolate: bool = True, scenarios: Sequence[str] = (), data: Path | None = None
+) -> dict[str, Any]:
     """Check an estimator by its name: return `status`, `found` and `checks`; one that cannot be made failed."""
     try:
-        report = check_estimator(label, isolate=isolate)
+        report = check_estimator(label, isolate=isolate, scenarios=scenarios, data=data)
     except BadInput as e:
         return _certificate("failed", f"runs: {one_line(e)}")
     checks = [asdict(result) for result in report.results]

@@ -116,7 +116,7 @@ def execute(
         manifest = directory.manifest
         for line in lines_about(manifest["recordings"]):
             watcher.say(line)
-        check_plugins(manifest, partial(directory.write_manifest, manifest), check, isolate, watcher.say)
+        check_plugins(manifest, study.data, partial(directory.write_manifest, manifest), check, isolate, watcher.say)
         found, damaged = directory.find(wanted)
         for key in damaged:
             watcher.say(f"{key.name} is gone or does not match its checksum; its trials are computed again")

@@ -128,7 +128,7 @@ def compute_task(task: Task) -> Iterator[MeasuredPart]:
         with limit_time(task.time_limit):
             truth, stream = task.scenario.simulate(task.trials, task.seed)
     except FAILS as e:
-        if not plugin_world or isinstance(e, BadInput):
+        if not plugin_world:
             raise
         if not task.smaller():
             yield failed_part(task, *explain_failure(e))

@@ -446,9 +446,11 @@ def show_tuning(
     )
 
 
-def show_checks(report: Report) -> None:
+def show_checks(report: Report, scenario: str = "", data: Path | None = None) -> None:
     """Print the results, how many of the checks passed, failed and were skipped, and what to do next."""
-    console, go_on = make_console(), f"cooploc run quick --estimators {in_shell(f'mrsl-rssi,{report.name}')}"
+    console, other = make_console(), "dead-reckoning" if scenario else "mrsl-rssi"
+    go_on = f"cooploc run {in_shell(scenario or 'quick')} --estimators {in_shell(f'{other},{report.name}')}"
+    go_on += f" --data {in_shell(data)}" if data else ""
     made = [r for r in report.results if r.detail not in FIRST.values()]  # the rest means nothing after a failure
     found = [{"check": r.check, "result": r.status, "what was found": str(r)} for r in made]
     console.print(frame("checks", pd.DataFrame(found)).terminal())

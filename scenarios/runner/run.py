@@ -295,21 +295,23 @@ def find_misfits(
 
 
 def _first_stream(scenario: ResolvedScenario, seed: int) -> Stream:
-    """Return the stream of a scenario's first tick; of one that is not built in, only if it comes again."""
-    first = scenario.first_tick()
-    if scenario.name in BUILTIN:
+    """Return the stream of a scenario's first tick; of one that is not built in, only if trials come again alone."""
+    first = scenario.of_length(1)
+    if scenario.name in BUILTIN or first.is_recording:
         return first.simulate(1, seed)[1]
     try:
-        stream = first.simulate(1, seed)[1]
-        again = stream if first.is_recording else first.simulate(1, seed)[1]
+        both, second = (first.simulate(trials, seed)[1] for trials in ([0, 1], [1]))
     except BadInput:
         raise
     except Exception as e:  # a plug-in may fail in any way
         raise BadInput(f"scenario {scenario.label!r} cannot be simulated: {one_line(e)}{place_of(e)}") from e
-    if again.hashes != stream.hashes:
+    if both.hashes[1:] != second.hashes:
         remedy = "draw every random number from cooploc.scenarios.seeds.generator(seed, trial, purpose)"
-        raise BadInput(f"scenario {scenario.label!r} gives other readings for the same seed: {remedy}")
-    return stream
+        raise BadInput(
+            f"scenario {scenario.label!r} gives other readings for the same seed and trial, alone and beside another: "
+            f"{remedy}"
+        )
+    return both.select([0])
 
 
 def _find_misfits_of_labels(

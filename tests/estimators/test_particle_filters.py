@@ -249,7 +249,7 @@ def wheels_and_compass(ticks=25):
     for d, (motion, u) in enumerate(drives, 2):
         world = World(1, 1.0, arena, motion, {"anchor_rssi": LogDistance()}, anchors)
         u, dt = u[None, :, None], np.ones((1, ticks, 1))
-        senses = Senses(u, dt, rssi.copy(), nothing[..., None], nothing[..., None], {})
+        senses = Senses(u, dt, rssi.copy(), *np.empty((2, 1, ticks, 1, 0, 2)), {})
         prior = Belief(np.array(start[0][:d])[None, None], np.diag(start[1][:d])[None, None])
         yield Stream("told twice", 0, np.array([0]), times, world, prior, senses, air)
 

@@ -17,7 +17,7 @@ def test_a_recording_has_its_own_number_of_trials_and_needs_its_data(tmp_path):
         resolve("mrclam/all")
     found = resolve("mrclam/all", tmp_path)
     assert (found.trials(100), found.is_recording, found.data) == (1, True, tmp_path)
-    assert found.first_tick() is found
+    assert found.of_length(1) is found
 
 
 class Foreign(BaseModel):
@@ -36,7 +36,7 @@ def test_a_model_that_does_not_state_its_size_is_a_scenario_too(monkeypatch):
     monkeypatch.setitem(BUILTIN, "foreign", Family("of another package", Foreign))
     found = resolve("foreign[drift=1]")
     assert (found.robots, found.ticks, found.trials(5), found.parameters) == (1, 1, 5, {"drift": "1"})
-    truth, _ = found.first_tick().simulate(2, seed=3)
+    truth, _ = found.of_length(1).simulate(2, seed=3)
     np.testing.assert_array_equal(truth.x, cl.simulate("trajectory", trials=2, seed=3, ticks=3)[0].x)
 
 

@@ -148,11 +148,26 @@ def test_a_scenario_in_a_file_is_a_scenario_like_any_other(tmp_path, monkeypatch
         ("return self.gusts", r"cannot be simulated: AttributeError: .* no attribute 'gusts' \(windy.py:7\)$"),
         (
             "return super().simulate(label, trials, next(NUMBERS), world)",
-            "gives other readings for the same seed: draw",
+            "gives other readings for the same seed and trial, alone and beside another: draw",
+        ),
+        (
+            "pair = super().simulate(label, trials, seed, world); "
+            "noise = __import__('numpy').random.default_rng(seed).normal(size=pair[1].senses.odometry.shape); "
+            "return pair[0], pair[1].replace_arrays({'senses.odometry': noise})",
+            "alone and beside another: draw every random number from cooploc.scenarios.seeds.generator",
         ),
         (
             "pair = super().simulate(label, trials, seed, world); pair[0].x[:] = float('nan'); return pair",
             "true positions are not finite in ticks that are said to be valid",
+        ),
+        (
+            "truth, stream = super().simulate(label, trials, seed, world); "
+            "return truth, stream.replace_arrays({'senses.odometry': stream.senses.odometry[..., :1]})",
+            r"stream of 'windy.py:WINDY', .*: senses.odometry has shape \(2, 1, 2, 1\); it must be \(2, 1, 2, 2\), or",
+        ),
+        (
+            "return super().simulate(label, [0], seed, world)",
+            r"its truth is of trials \[0\], and simulate\(\) was asked for \[0, 1\]",
         ),
     ],
 )

@@ -7,12 +7,14 @@ import time
 import broken
 import cloudpickle
 import honest
+import numpy as np
 import pytest
 
 from cooploc.analysis.execution import provenance
 from cooploc.analysis.metrics.ranking import missing_checks
 from cooploc.estimators import BUILTIN, make
 from cooploc.estimators.adapters import PerRobot
+from cooploc.estimators.dead_reckoning import DeadReckoning
 from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.check_harness import CheckFailed, Harness, require_equal
 from cooploc.scenarios.conformance import CHECKS, Report, Result, _check_here, check_estimator, declaration, run_check
@@ -176,12 +178,16 @@ class Circling(broken.IgnoresOdometry):
     own_motion = "it circles"
 
 
+class DoesNotReadIt(broken.IgnoresOdometry):
+    uses = ("anchor_rssi",)
+
+
 @pytest.mark.parametrize(
     ("estimator", "status", "said"),
     [
         (broken.IgnoresOdometry(), "failed", "that are allowed, when nothing was sensed"),
         (Circling(), "skipped", "own_motion: it circles"),
-        (broken.IgnoresOdometry(uses=("anchor_rssi",)), "skipped", "it declares no odometry"),
+        (DoesNotReadIt(), "skipped", "it declares no odometry"),
     ],
 )
 def test_silence_is_asked_of_what_moves_by_odometry(estimator, status, said):
@@ -217,11 +223,37 @@ def test_checks_of_a_slow_estimator_for_which_no_time_is_left_are_skipped_and_co
     report = _check_here(make("dead-reckoning"), "slow", 0, 600.0)
     done = sum(result.status == "passed" for result in report.results)
     assert 1 < done == report.ran < len(CHECKS)
-    monkeypatch.setattr(provenance, "check_estimator", lambda label, isolate: report)
+    monkeypatch.setattr(provenance, "check_estimator", lambda label, **how: report)
     found = provenance.certify("slow")["found"]
     said = r"after \d+ runs the 600 s of all checks were over [(]cooploc check --time-limit gives more[)]"
     assert re.fullmatch(rf"{done} of 12 checks; {12 - done} skipped: {said}", found)
     assert missing_checks(f"passed: {found}") == "was not checked in full, as time was over"
+
+
+class SeesHeadings(DeadReckoning):
+    """Is less certain for each teammate whose heading it sees: a channel that only some worlds have."""
+
+    uses = ("odometry", "orientation")
+
+    def correct(self, s, z):
+        seen = np.isfinite(z.extra["orientation"]).sum((1, 2))
+        return s._replace(P=s.P + 1e-3 * seen[:, None, None] * np.eye(s.P.shape[-1]))
+
+
+class SeesHeadingsOfAll(SeesHeadings):
+    def correct(self, s, z):
+        seen = np.full(len(s.x), np.isfinite(z.extra["orientation"]).sum())
+        return s._replace(P=s.P + 1e-3 * seen[:, None, None] * np.eye(s.P.shape[-1]))
+
+
+@pytest.mark.parametrize(("estimator", "failed"), [(SeesHeadings(), []), (SeesHeadingsOfAll(), ["non-interference"])])
+def test_an_estimator_of_a_channel_that_our_worlds_lack_is_checked_where_there_is_one(estimator, failed):
+    refused = check_estimator(estimator, isolate=False)["runs"]
+    assert "needs channel 'orientation'" in refused.detail
+    assert "cooploc check --scenario" in refused.remedy
+    report = check_estimator(estimator, isolate=False, scenarios="camera/n={2,3,4}[sigma_orientation=0.1,view=3]")
+    assert "of 12 ticks of camera/n=2, camera/n=3: every" in report["runs"].detail  # two worlds are enough
+    assert set(failed) == {r.check for r in report.results if r.status == "failed"} - {"link-honesty"}
 
 
 def test_checks_need_some_time():

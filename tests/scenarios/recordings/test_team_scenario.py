@@ -20,6 +20,7 @@ from made_team import (
 )
 
 import cooploc as cl
+from cooploc.estimators.ekf_local import EkfLocal
 from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Belief, Senses, World
 from cooploc.estimators.models import Range, Unicycle, wrap
@@ -198,6 +199,12 @@ def test_ranges_to_anchors_are_used_by_a_robot_alone(recorded, tmp_path):
     table = cl.errors(truth, cl.run(estimators, stream)).set_index(["estimator", "robot"])["mse"]
     assert table["own", 0] < table["dr", 0]  # red ranges to anchors
     assert table["own", 1] == pytest.approx(table["dr", 1])  # blue does not
+
+    class OfAnchors(EkfLocal):
+        uses = ("odometry", "anchor_range")  # a channel that the worlds of the checks lack
+
+    report = cl.check_estimator(OfAnchors(), isolate=False, scenarios="log/two", data=folder)
+    assert {r.status for r in report.results} == {"passed"}, report.table()
 
 
 def test_packets_may_need_a_reading(recorded, tmp_path):
