@@ -144,6 +144,11 @@ def resolve(
     Raises:
         BadInput: an unknown scenario, variant or parameter, a value that does not fit, or a recording without `data`.
     """
+    if not isinstance(label, str):
+        raise BadInput(
+            f"a scenario is named by its label, not by an object of type {type(label).__name__}: write a world of your "
+            f"own into a file, in a notebook by %%writefile field.py, and name it 'field.py:NAME'"
+        )
     assumed = assumed or {}
     path, written = parse(label)
     name, which = split_family(path)
