@@ -53,6 +53,14 @@ class Truth:
     arena: Array  # (2, 2) [m]
     origin: tuple[str, ...]  # hash per trial of the stream that belongs to it
 
+    def __post_init__(self) -> None:
+        shape, found = np.shape(self.valid), np.shape(self.x)
+        if len(shape) != 3 or found not in ((*shape, 2), (*shape, 3)) or len(self.trial) != shape[0]:
+            stated = f"x {found}, valid {shape} and {len(self.trial)} numbers of trials"
+            raise BadInput(f"truth of {self.scenario!r} has {stated}; they must be (t, T, n, 2 or 3), (t, T, n) and t")
+        if self.valid.dtype != bool:
+            raise BadInput(f"valid of a truth holds {self.valid.dtype}; write .astype(bool)")
+
     def __repr__(self) -> str:
         t, ticks, n, _ = self.x.shape
         return f"Truth({self.scenario!r}, {_size(t, ticks, n)})"
@@ -224,9 +232,8 @@ def find_fault(truth: Truth, stream: Stream, trials: Sequence[int]) -> str:
     for what, one in (("truth", truth), ("stream", stream)):
         if one.trial.tolist() != list(trials):
             return f"its {what} is of trials {one.trial.tolist()}, and simulate() was asked for {list(trials)}"
-    if truth.valid.shape != shape or truth.valid.dtype != bool or truth.x.shape not in ((*shape, 2), (*shape, 3)):
-        found = f"x {truth.x.shape} and valid {truth.valid.shape} of {truth.valid.dtype}"
-        return f"its truth has {found}; they must be {(*shape, 2)} or {(*shape, 3)}, and {shape} of bool"
+    if truth.valid.shape != shape:
+        return f"its truth is {_size(*truth.valid.shape)}, and its stream {_size(*shape)}"
     if not np.isfinite(truth.x[truth.valid][..., :2]).all():
         return "true positions are not finite in ticks that are said to be valid"
     if not (np.diff(stream.time) > 0).all():

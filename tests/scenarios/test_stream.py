@@ -220,8 +220,10 @@ def test_a_channel_of_width_0_does_not_exist():
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (lambda truth, s: (replace(truth, x=truth.x[:, 1:]), s), "its truth has x "),
-        (lambda truth, s: (replace(truth, valid=truth.valid.astype(float)), s), "of float64; they must be"),
+        (
+            lambda truth, s: (replace(truth, x=truth.x[:, 1:], valid=truth.valid[:, 1:]), s),
+            "its truth is 3 trials of 3 ticks, 3 robots, and its stream 3 trials of 4 ticks, 3 robots",
+        ),
         (lambda truth, s: (truth, replace(s, time=s.time[::-1])), "its times do not increase"),
         (lambda truth, s: (truth, s.replace_arrays({"senses.dt": s.senses.dt * np.nan})), "senses.dt is negative or"),
         (lambda truth, s: (truth, s.replace_arrays({"prior.P": -s.prior.P})), "a covariance that is not positive"),
@@ -233,4 +235,10 @@ def test_a_channel_of_width_0_does_not_exist():
 def test_what_a_scenario_cannot_have_simulated_is_said(change, said):
     truth, stream = simulate("trajectory", trials=3, ticks=4)
     assert find_fault(truth, stream, range(3)) == ""
+    with pytest.raises(
+        BadInput, match=r"has x \(3, 4, 3, 2\), valid \(3, 3, 3\) and 3 numbers of trials; they must be"
+    ):
+        replace(truth, valid=truth.valid[:, 1:])
+    with pytest.raises(BadInput, match=r"holds float64; write \.astype\(bool\)"):
+        replace(truth, valid=truth.valid.astype(float))
     assert re.search(said, find_fault(*change(truth, stream), range(3)))
