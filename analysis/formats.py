@@ -81,11 +81,6 @@ def duration(seconds: float) -> str:
     return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
 
 
-def count_of(number: int, noun: str) -> str:
-    """Return a number of things: "1 trial", "3 trials"."""
-    return f"{number} {noun}{'' if number == 1 else 's'}"
-
-
 def join_words(names: Iterable[str]) -> str:
     """Return names in a sentence: "a, b and c"."""
     *most, last = list(names) or [""]

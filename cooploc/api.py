@@ -24,7 +24,6 @@ from cooploc.analysis.claims.verdicts import drop_timed, judge_at_look, judge_ru
 from cooploc.analysis.execution import reproduce as again
 from cooploc.analysis.execution.run import Answers, execute, prepare, run_until_decided, trial_seconds
 from cooploc.analysis.execution.run_directory import PARTS, read_run, select
-from cooploc.analysis.formats import count_of
 from cooploc.analysis.metrics import run_tables
 from cooploc.analysis.metrics.compare import compare, require_errors
 from cooploc.analysis.metrics.errors import errors
@@ -40,7 +39,7 @@ from cooploc.analysis.report import run_diff
 from cooploc.analysis.tuning.tune import VALUE, Tuned
 from cooploc.analysis.tuning.tune import tune as tune_study
 from cooploc.estimators import split_labels
-from cooploc.estimators.errors import BadInput
+from cooploc.estimators.errors import BadInput, count_of
 from cooploc.scenarios import family, simulate
 from cooploc.scenarios.runner.run import list_table, run
 from cooploc.scenarios.scenario import split_family

@@ -120,3 +120,8 @@ def require(owner: Any, limits: Limits) -> None:
             raise ValueError(
                 f"{name} is {value}; it must be {least if value < low else most if value > high else 'a number'}"
             )
+
+
+def count_of(number: int, noun: str) -> str:
+    """Return a number of things in words: "1 trial", "3 trials"."""
+    return f"{number} {noun}{'' if number == 1 else 's'}"

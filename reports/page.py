@@ -23,7 +23,7 @@ import study_numbers
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, TemplateError
 
 from cooploc.analysis import formats
-from cooploc.estimators.errors import BadInput
+from cooploc.estimators.errors import BadInput, count_of
 
 REPORTS = Path(__file__).resolve().parent
 TEXTS = REPORTS / "text"
@@ -59,7 +59,7 @@ def render(name: str, runs: str | Path, out: str | Path = "page.md", data: str =
         decided_by_more_trials=lambda study: study_numbers.decided_by_more_trials(runs / study),
         require=partial(require, draft=draft),
         form=formats,
-        **{name: getattr(formats, name) for name in ("count_of", "interval", "join_words")},
+        **{word.__name__: word for word in (count_of, formats.interval, formats.join_words)},
     )
     texts.filters.update(tex=escape_tex)
     values = import_module(name.replace("-", "_")).values(runs, out.parent, Path(data)) if name in MODULES else {}

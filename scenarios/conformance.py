@@ -23,7 +23,7 @@ import cloudpickle
 import numpy as np
 
 from cooploc.estimators import is_builtin, make
-from cooploc.estimators.errors import BadInput, one_line
+from cooploc.estimators.errors import BadInput, count_of, one_line
 from cooploc.estimators.interface import Belief, Mail, Mask
 from cooploc.estimators.label_syntax import expand, shorten_labels
 from cooploc.estimators.models import Displacement, Unicycle, wrap_heading
@@ -180,9 +180,7 @@ def run_check(name: str, harness: Harness) -> Result:
     """Run one check; whatever the estimator raises is a failure."""
     check, before = CHECKS[name], harness.runs
     try:
-        detail = check(harness)
-        count = harness.runs - before
-        detail += f" ({count} run{'s' * (count != 1)})"
+        detail = f"{check(harness)} ({count_of(harness.runs - before, 'run')})"
         axes = harness.traits.axes
         exempt = f"axes: {axes}" if axes and name == "equivariance" else ""
         return Result(name, "passed", detail, harness.seed, exempt=exempt)
@@ -215,8 +213,8 @@ def runs(harness: Harness) -> str:
         raise CheckFailed("it does not say whether it is a bound", "set bound = True or bound = False")
     labels = [stream.scenario.removesuffix(WITH_GAPS).partition("[")[0] for stream in harness.streams]
     t, T, _, _ = harness.cases[0][1].trace.x.shape
-    trials = f"{t} trial{'s' * (t != 1)} of {T} ticks"
-    return f"ran on {trials} of {', '.join(labels)}: every estimate is finite and of the right shape"
+    trials = f"{count_of(t, 'trial')} of {T} ticks of {', '.join(labels)}"
+    return f"ran on {trials}: every estimate is finite and of the right shape"
 
 
 def determinism(harness: Harness) -> str:

@@ -17,7 +17,7 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from cooploc.estimators import models
-from cooploc.estimators.errors import BadInput, nearest
+from cooploc.estimators.errors import BadInput, count_of, nearest
 from cooploc.estimators.interface import Array, Belief, Indices, Mask, Senses, World
 
 FORMAT = 3  # of the file; 2 had a checksum in its header
@@ -37,9 +37,7 @@ class Air(NamedTuple):
 
 
 def _size(trials: int, ticks: int, robots: int) -> str:
-    counts = {"trial": trials, "tick": ticks, "robot": robots}
-    a, b, c = (f"{count} {noun}{'s' * (count != 1)}" for noun, count in counts.items())
-    return f"{a} of {b}, {c}"
+    return f"{count_of(trials, 'trial')} of {count_of(ticks, 'tick')}, {count_of(robots, 'robot')}"
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,13 +23,14 @@ from cooploc.analysis.claims import kinds
 from cooploc.analysis.claims.kinds import KINDS, RELATIVE, TIMED, Case, CaseVerdict, Claim, cases, definitions
 from cooploc.analysis.claims.ledger import Ledger, variants
 from cooploc.analysis.claims.trial_table import Missing, TrialTable, canonical, collect
-from cooploc.analysis.formats import change, count_of, interval, ratio
+from cooploc.analysis.formats import change, interval, ratio
 from cooploc.analysis.metrics import statistics
 from cooploc.analysis.metrics.compare import FAR, mark_outliers
 from cooploc.analysis.metrics.consistency import flag
 from cooploc.analysis.metrics.errors import demand_same_streams
 from cooploc.analysis.metrics.sequential import ANYTIME
 from cooploc.analysis.metrics.statistics import FIXED, Stopping
+from cooploc.estimators.errors import count_of
 
 VERDICTS = ("supported", "direction only", "flat", "contradicted", "undecided", "not run")
 DECIDED, JUDGED = VERDICTS[:4], VERDICTS[:5]

@@ -14,9 +14,10 @@ import pandas as pd
 from cooploc.analysis.execution.provenance import add_certificates, check_plugins, fingerprint, plugins, provenance
 from cooploc.analysis.execution.run_directory import DECISIONS, FORMAT, Cell, PartKey, RunDir, write_json
 from cooploc.analysis.execution.workers import Task, make_workers
-from cooploc.analysis.formats import count_of, duration, lines_about
+from cooploc.analysis.formats import duration, lines_about
 from cooploc.analysis.metrics.sequential import OPEN, decide, looks
 from cooploc.estimators import module_of
+from cooploc.estimators.errors import count_of
 from cooploc.scenarios.process import PLUGINS, end
 from cooploc.scenarios.runner.run import find_misfits
 from cooploc.scenarios.scenario import ResolvedScenario, require_no_faults

@@ -31,9 +31,8 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from cooploc.analysis.formats import count_of
 from cooploc.analysis.metrics.trajectory_bags import TRUTH, read_poses
-from cooploc.estimators.errors import BadInput, nearest
+from cooploc.estimators.errors import BadInput, count_of, nearest
 from cooploc.estimators.interface import Array, Indices, Mask
 from cooploc.scenarios.recordings.inspect.columns import (
     EPOCHS,

@@ -9,7 +9,6 @@ from matplotlib.axes import Axes
 from matplotlib.collections import EllipseCollection, LineCollection
 from matplotlib.patches import Ellipse
 
-from cooploc.analysis.formats import count_of
 from cooploc.analysis.metrics.compare import over_time
 from cooploc.analysis.metrics.errors import INSIDE_95, demand_same
 from cooploc.analysis.metrics.statistics import LEAST_TRIALS
@@ -17,7 +16,7 @@ from cooploc.analysis.plot import style
 from cooploc.analysis.plot.results import MOST_ANEES
 from cooploc.analysis.plot.style import DARK
 from cooploc.analysis.plot.worlds import draw_arena, set_links
-from cooploc.estimators.errors import BadInput
+from cooploc.estimators.errors import BadInput, count_of
 from cooploc.estimators.interface import Array
 from cooploc.scenarios.runner.run import Run
 from cooploc.scenarios.stream import Stream, Truth

@@ -18,14 +18,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullLocator
 
-from cooploc.analysis.formats import count_of
 from cooploc.analysis.metrics.consistency import CONSERVATIVE, OVER_CONFIDENT
 from cooploc.analysis.metrics.ranking import is_refused
 from cooploc.analysis.metrics.statistics import LEAST_TRIALS
 from cooploc.analysis.metrics.sweeps import add_sweep
 from cooploc.analysis.plot import style
 from cooploc.analysis.plot.style import DOTTED, PAGE, Pen, Row, Style, draw_marker, name_of, set_log_scale, span
-from cooploc.estimators.errors import BadInput
+from cooploc.estimators.errors import BadInput, count_of
 from cooploc.estimators.interface import Array
 
 Pens = Mapping[str, Pen]

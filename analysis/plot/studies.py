@@ -10,11 +10,10 @@ from matplotlib.axes import Axes
 
 from cooploc.analysis.claims.kinds import RELATIVE
 from cooploc.analysis.claims.ledger import BASE
-from cooploc.analysis.formats import count_of
 from cooploc.analysis.plot import style
 from cooploc.analysis.plot.results import SWEPT, draw_curves
 from cooploc.analysis.plot.style import draw_marker, draw_rmse, set_log_scale, span
-from cooploc.estimators.errors import BadInput, nearest
+from cooploc.estimators.errors import BadInput, count_of, nearest
 
 OWN = {"none": "none", "doa": "direction of arrival", "gradient": "gradient", "rssi": "raw RSSI"}
 BETWEEN = {"none": "none", "rssi": "RSSI", "range": "range"}

@@ -18,7 +18,7 @@ import pandas as pd
 from cooploc.analysis.execution.provenance import source_key
 from cooploc.analysis.execution.reproduce import PAGE, confirmations, digest
 from cooploc.analysis.execution.run_directory import Cell, StoredRun
-from cooploc.analysis.formats import count, count_of, metres, microseconds, ratio
+from cooploc.analysis.formats import count, metres, microseconds, ratio
 from cooploc.analysis.metrics.errors import TRAINED
 from cooploc.analysis.metrics.ranking import board_letters
 from cooploc.analysis.plot import style
@@ -27,7 +27,7 @@ from cooploc.analysis.report.result_tables import HASH, REMARK_FIELDS, may_be_ra
 from cooploc.analysis.report.run_numbers import Numbers, numbers_of
 from cooploc.analysis.report.tables import Row, Table, interval_column, number_column, text_column, words
 from cooploc.estimators import configure, make
-from cooploc.estimators.errors import BadInput
+from cooploc.estimators.errors import BadInput, count_of
 from cooploc.estimators.label_syntax import shorten_labels
 from cooploc.estimators.registry import source_of
 from cooploc.scenarios.studies.study import Study, stream_sentence

@@ -18,10 +18,11 @@ from cooploc.analysis.claims.verdicts import (
     verdict_text,
 )
 from cooploc.analysis.execution.run_directory import StoredRun
-from cooploc.analysis.formats import count, count_of, p_value
+from cooploc.analysis.formats import count, p_value
 from cooploc.analysis.metrics.sequential import ANYTIME
 from cooploc.analysis.metrics.statistics import FIXED
 from cooploc.analysis.report.tables import Table, number_column, text_column, words
+from cooploc.estimators.errors import count_of
 
 SHOWN = 3  # reasons why cases of a claim were not run
 

@@ -22,7 +22,7 @@ from cooploc.analysis.claims.ledger import Ledger
 from cooploc.analysis.claims.trial_table import TrialTable
 from cooploc.analysis.execution.reproduce import PAGE, embed
 from cooploc.analysis.execution.run_directory import StoredRun, select
-from cooploc.analysis.formats import count_of, join_words
+from cooploc.analysis.formats import join_words
 from cooploc.analysis.metrics import ranking
 from cooploc.analysis.metrics.compare import FAR, outlier_warnings, reading_warnings
 from cooploc.analysis.metrics.consistency import OVER_CONFIDENT
@@ -54,7 +54,7 @@ from cooploc.analysis.report.tables import (
     words,
 )  # fmt: skip
 from cooploc.estimators import configure, make
-from cooploc.estimators.errors import BadInput
+from cooploc.estimators.errors import BadInput, count_of
 from cooploc.estimators.label_syntax import parse, shorten_labels
 from cooploc.estimators.listing import setting_kind
 from cooploc.estimators.registry import source_of

@@ -10,7 +10,6 @@ from typing import NamedTuple
 import pandas as pd
 
 from cooploc.analysis.execution.run_directory import StoredRun
-from cooploc.analysis.formats import count_of
 from cooploc.analysis.metrics.crlb import floors
 from cooploc.analysis.metrics.sweeps import sweeps
 from cooploc.analysis.plot import style
@@ -19,7 +18,7 @@ from cooploc.analysis.report.labels import Labels
 from cooploc.analysis.report.run_numbers import OTHERS, Numbers, RunFigure, draw_experiment
 from cooploc.analysis.report.tables import Row, Table, escape_latex, fill_template, read_toml, words
 from cooploc.estimators import BUILTIN
-from cooploc.estimators.errors import BadInput, nearest
+from cooploc.estimators.errors import BadInput, count_of, nearest
 
 EXAMPLE = "example.tex"
 SOURCES = "sources.toml"  # key -> type, fields, and the estimators or scenarios that rest on it

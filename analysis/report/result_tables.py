@@ -19,7 +19,6 @@ from cooploc.analysis.claims.trial_table import TrialTable
 from cooploc.analysis.formats import (
     change,
     count,
-    count_of,
     decimals,
     interval,
     metres,
@@ -34,7 +33,7 @@ from cooploc.analysis.metrics.statistics import FIXED, Interval
 from cooploc.analysis.report.sentences import Standing, SweepChange, summary_sentence
 from cooploc.analysis.report.tables import Row, Table, TableColumn, number_column, read_toml, text_column, words
 from cooploc.estimators import nearest
-from cooploc.estimators.errors import BadInput
+from cooploc.estimators.errors import BadInput, count_of
 from cooploc.estimators.label_syntax import parse, shorten_labels
 from cooploc.estimators.listing import declares_bytes, setting_kind
 

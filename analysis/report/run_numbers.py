@@ -10,13 +10,13 @@ from matplotlib.figure import Figure
 
 from cooploc.analysis.claims.trial_table import TrialTable, collect
 from cooploc.analysis.execution.run_directory import StoredRun
-from cooploc.analysis.formats import count_of
 from cooploc.analysis.metrics.compare import compare
 from cooploc.analysis.metrics.sequential import ANYTIME, add_decisions
 from cooploc.analysis.metrics.statistics import FIXED
 from cooploc.analysis.metrics.sweeps import add_sweep, sweeps
 from cooploc.analysis.plot import results, style
 from cooploc.analysis.report.labels import Labels, short_labels, variants_of
+from cooploc.estimators.errors import count_of
 
 SWEEP = 3  # values from which a sweep becomes a line
 FLOORED = 20  # robots: the floor of larger teams takes seconds for each scenario

@@ -10,12 +10,13 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from cooploc.analysis.formats import count_of, join_words, metres
+from cooploc.analysis.formats import join_words, metres
 from cooploc.analysis.plot import anees, error_over_time, rmse, style, trajectories
 from cooploc.analysis.plot.worlds import finding
 from cooploc.analysis.report import html_page
 from cooploc.analysis.report.result_tables import result_columns
 from cooploc.analysis.report.tables import Table, frame
+from cooploc.estimators.errors import count_of
 from cooploc.scenarios.recordings.inspect.inspection import Inspected
 from cooploc.scenarios.runner.run import Run
 from cooploc.scenarios.stream import Truth

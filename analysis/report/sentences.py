@@ -14,11 +14,12 @@ import numpy as np
 import pandas as pd
 
 from cooploc.analysis.claims.trial_table import Missing, TrialTable
-from cooploc.analysis.formats import change, count_of, interval, join_words, metres, percent, ratio
+from cooploc.analysis.formats import change, interval, join_words, metres, percent, ratio
 from cooploc.analysis.metrics.consistency import OVER_CONFIDENT
 from cooploc.analysis.metrics.ranking import disqualifications, missing_checks
 from cooploc.analysis.metrics.statistics import FIXED, LEAST_TRIALS, MARGIN, Interval, Stopping
 from cooploc.analysis.metrics.sweeps import sweeps
+from cooploc.estimators.errors import count_of
 
 NAMED = 3  # names in a sentence; of more the first ones, and how many others there are
 FEW = 6  # estimators; a sentence gives the change of each, of more only their range, of twice as many no names

@@ -19,7 +19,8 @@ from rich.measure import Measurement
 from rich.table import Table as RichTable
 from rich.text import Text
 
-from cooploc.analysis.formats import Format, count_of, interval
+from cooploc.analysis.formats import Format, interval
+from cooploc.estimators.errors import count_of
 from cooploc.estimators.label_syntax import shorten_labels
 from cooploc.scenarios.runner.run import list_table
 

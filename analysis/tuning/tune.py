@@ -24,14 +24,14 @@ import pandas as pd
 
 from cooploc.analysis.execution.run import RunProgress, Silent, execute, prepare
 from cooploc.analysis.execution.run_directory import read_run, replace_file
-from cooploc.analysis.formats import count_of, join_words
+from cooploc.analysis.formats import join_words
 from cooploc.analysis.metrics import statistics
 from cooploc.analysis.metrics.compare import compare
 from cooploc.analysis.metrics.errors import CELL, drop_failed, weighted_means
 from cooploc.analysis.metrics.statistics import FIXED
 from cooploc.analysis.tuning.search import Finish, Item, Lane, Pair, race, require_objective, space_of, trial_scores
 from cooploc.estimators import configure
-from cooploc.estimators.errors import BadInput
+from cooploc.estimators.errors import BadInput, count_of
 from cooploc.estimators.label_syntax import parse
 from cooploc.scenarios import family, resolve, simulate
 from cooploc.scenarios.recordings.inspect.draft_toml import toml

@@ -20,7 +20,7 @@ from cooploc.analysis.claims.verdicts import count_verdicts
 from cooploc.analysis.execution.provenance import line
 from cooploc.analysis.execution.run import seconds_left
 from cooploc.analysis.execution.run_directory import RunDir, read_run
-from cooploc.analysis.formats import change, count, count_of, duration, join_words, lines_about
+from cooploc.analysis.formats import change, count, duration, join_words, lines_about
 from cooploc.analysis.metrics import ranking
 from cooploc.analysis.metrics.compare import outlier_warnings, reading_warnings
 from cooploc.analysis.metrics.errors import drop_failed
@@ -39,7 +39,7 @@ from cooploc.analysis.report.result_tables import (
     sort_rows,
 )
 from cooploc.analysis.report.tables import Table, csv_text, frame, number_column, text_column, words
-from cooploc.estimators.errors import BadInput
+from cooploc.estimators.errors import BadInput, count_of
 from cooploc.estimators.label_syntax import shorten_labels
 from cooploc.scenarios.conformance import FIRST, Report
 from cooploc.scenarios.recordings.scenario import NO_ORDER

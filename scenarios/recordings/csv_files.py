@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cooploc.estimators.errors import BadInput
+from cooploc.estimators.errors import BadInput, count_of
 from cooploc.estimators.interface import Array
 from cooploc.estimators.models import wrap
 from cooploc.scenarios.recordings import schema
@@ -31,7 +31,7 @@ from cooploc.scenarios.recordings.team_log import (
     reading_tables,
     without_missing,
 )
-from cooploc.scenarios.recordings.text_files import count_of, read_lines, read_text, split_fields, unwrap_stamps
+from cooploc.scenarios.recordings.text_files import read_lines, read_text, split_fields, unwrap_stamps
 
 
 def find_runs(data: Path, description: TeamDescription) -> dict[str, Path]:

@@ -21,7 +21,7 @@ import numpy as np
 from pydantic import Field
 
 from cooploc.estimators import nearest
-from cooploc.estimators.errors import BadInput
+from cooploc.estimators.errors import BadInput, count_of
 from cooploc.estimators.interface import Array, Belief, Mask, World
 from cooploc.estimators.models import Range, inflate, wrap
 from cooploc.estimators.robust import Loss
@@ -229,7 +229,7 @@ class TeamScenario(schema.Model):
     def at(self, trials: Sequence[int]) -> "TeamScenario":
         """Return the scenario of one run, from the list with its one trial."""
         names = self._names()
-        there = f"{self.data}: {self.run!r} has {len(names)} trial{'s' * (len(names) > 1)}"
+        there = f"{self.data}: {self.run!r} has {count_of(len(names), 'trial')}"
         if len(trials) != 1:
             raise BadInput(f"{there}, and a stream holds one, as each run has its own models; ask for trials=[0]")
         if trials[0] >= len(names):

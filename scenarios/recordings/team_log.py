@@ -16,7 +16,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 import pandas as pd
 
-from cooploc.estimators.errors import BadInput
+from cooploc.estimators.errors import BadInput, count_of
 from cooploc.estimators.interface import Array, Indices, Mask
 from cooploc.scenarios.recordings.schema import (
     GroundTruth,
@@ -25,7 +25,7 @@ from cooploc.scenarios.recordings.schema import (
     SightingsTable,
     TeamDescription,
 )
-from cooploc.scenarios.recordings.text_files import count_of, time_order
+from cooploc.scenarios.recordings.text_files import time_order
 
 MARGIN = 2.0  # [m] around all fixed things
 OdometryKind = Literal["velocity", "pose", "displacement", "path"]
@@ -318,7 +318,7 @@ def split_channels(
             (there & (robot >= 0) & ~known, one.other, "of {}: neither a robot of the team nor a place"),
             (there & known & itself, one.robot, "of {} by itself"),
             (~near, one.robot, "by {} with stamps that are days from the others"),
-            (there & ~positive, one.robot, "by {} that are not positive"),
+            (there & ~positive, one.robot, "by {} with a range of 0 or less"),
             (there & again, one.robot, "by {} that are there twice, to the digit"),
         ):
             rows = np.flatnonzero(dropped).tolist()

@@ -28,7 +28,7 @@ import pyarrow as pa
 from pyarrow import csv as arrow_csv
 
 from cooploc.estimators import nearest
-from cooploc.estimators.errors import BadInput
+from cooploc.estimators.errors import BadInput, count_of
 from cooploc.estimators.interface import Array, Indices
 from cooploc.scenarios.recordings import motion_capture
 
@@ -247,11 +247,6 @@ def unwrap_stamps(stamps: Array) -> tuple[Array, tuple[str, ...]]:
             stamps[known[1:][np.cumsum(again) > 0]] += turn
             return stamps, (f"stamps begin again after {words}; they go on from there",)
     return stamps, ()
-
-
-def count_of(number: int, what: str) -> str:
-    """Return a count in words: "1 line", "3 lines"."""
-    return f"{number} {what}{'s' * (number != 1)}"
 
 
 def longest_rise(stamps: Array) -> Indices:

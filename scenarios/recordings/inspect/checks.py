@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 
+from cooploc.estimators.errors import count_of
 from cooploc.estimators.interface import Array, Mask
 from cooploc.estimators.models import wrap
 from cooploc.scenarios.recordings.inspect import motion
@@ -31,7 +32,6 @@ from cooploc.scenarios.recordings.inspect.reading_checks import (
     check_range_units,
 )
 from cooploc.scenarios.recordings.team_log import TeamLog
-from cooploc.scenarios.recordings.text_files import count_of
 
 
 def check_recording(log: TeamLog) -> CheckedLog:
@@ -82,7 +82,7 @@ def check_gaps(c: CheckedLog) -> None:
         intervals = np.diff(s.time)
         usual = float(np.median(intervals)) if len(s.time) >= 10 else np.inf
         if count := int((intervals > max(GAP * usual, 1.0)).sum()):
-            gaps = f"{count} gap{'s' * (count > 1)}, the longest"
+            gaps = f"{count_of(count, 'gap')}, the longest"
             fact = f"{gaps} {intervals.max():.3g} s; the usual interval is {usual:.3g} s"
             c.add("gap", i, s.source, fact, "sure", "max_gap in [sample] is the longest gap that is bridged", table)
 

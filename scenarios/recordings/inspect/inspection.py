@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cooploc.estimators.errors import BadInput, nearest
+from cooploc.estimators.errors import BadInput, count_of, nearest
 from cooploc.estimators.interface import Array
 from cooploc.scenarios.recordings import bag_storage, mrclam, schema
 from cooploc.scenarios.recordings.bags import keep_what_is_read
@@ -210,7 +210,7 @@ def try_draft(data: Path, description: schema.TeamDescription) -> Trial:
             if not truth.valid.any():
                 raise BadInput(f"run {run.run!r}: no true position is known in the part that is judged")
             seconds = stream.world.tick * len(stream.time)
-            robots = f"{stream.robots} robot{'s' * (stream.robots > 1)}"
+            robots = count_of(stream.robots, "robot")
             weak = f"; it {NO_ORDER}: " + "; ".join(reasons) if (reasons := run.weaknesses(truth, stream)) else ""
             known = f", in {truth.valid.mean():.0%} of which the truth is known" if truth.valid.mean() < 0.9 else ""
             lines.append(f"run {run.run!r}: {robots}, {float(f'{seconds:.3g}'):g} s are judged{known}{weak}")

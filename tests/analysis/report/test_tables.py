@@ -13,7 +13,6 @@ from rich.console import Console
 from cooploc.analysis.formats import (
     change,
     count,
-    count_of,
     duration,
     interval,
     join_words,
@@ -28,7 +27,7 @@ from cooploc.analysis.report.html_page import Wording, html
 from cooploc.analysis.report.labels import short_labels
 from cooploc.analysis.report.result_tables import essential_columns, sort_rows
 from cooploc.analysis.report.tables import Table, number_column, text_column
-from cooploc.estimators.errors import BadInput
+from cooploc.estimators.errors import BadInput, count_of
 
 COLUMNS = (
     text_column("who", "name"),

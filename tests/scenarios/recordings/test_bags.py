@@ -108,7 +108,7 @@ def test_ranges_rssi_and_what_a_camera_saw_are_readings_in_si_units(team):
     assert set(mates.robot) == {0}
     assert set(mates.other) == {1}
     np.testing.assert_allclose(mates.values, written["/uwb/red/blue"][1], atol=1e-6)
-    assert any("/range/red/dock" in warning and "not positive" in warning for warning in log.warnings)
+    assert any("/range/red/dock" in warning and "range of 0 or less" in warning for warning in log.warnings)
     strengths = written["/rssi/red/blue"][1]
     np.testing.assert_allclose(log.readings["rssi"].values, strengths[strengths < -40].reshape(-1, 1), atol=1e-6)
     seen = log.readings["sighting"]
