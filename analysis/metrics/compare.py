@@ -197,7 +197,8 @@ def compare(errors: pd.DataFrame, baseline: str | Mapping[str, str], full: bool 
         p_equal_holm: p_equal, adjusted by Holm
 
     Args:
-        errors: from `errors`, or the rows of a run directory.
+        errors: from `errors`, or the rows of a run directory; or a table of your own with columns estimator, trial and
+            rmse [m], nan where a trial failed, and scenario and robot where there are several.
         baseline: an estimator's label, or one for each scenario's label.
         full: all columns instead of those that are read most.
 
@@ -236,16 +237,40 @@ def compare(errors: pd.DataFrame, baseline: str | Mapping[str, str], full: bool 
     return everything if full else everything[list(SHORT)]
 
 
+OWN = ("estimator", "trial", "rmse")  # columns that a table made elsewhere must have
+
+
 def require_errors(errors: object) -> pd.DataFrame:
-    """Return a table of `cl.errors`, whatever a user has made its index; refuse what is none, or has no rows."""
-    wanted = "it must be the table that cl.errors returns, or results.rows of a study"
+    """Return a table of `cl.errors`, whatever a user has made its index; refuse what is none, or has no rows.
+
+    Of a table made elsewhere three columns are enough, `OWN`.
+    """
+    wanted = f"it must be the table that cl.errors returns, results.rows of a study, or one with {', '.join(OWN)} [m]"
     if not isinstance(errors, pd.DataFrame):
         raise BadInput(f"errors is of type {type(errors).__name__}; {wanted}")
-    if missing := [name for name in COLUMNS if name not in errors]:
+    if missing := [name for name in (COLUMNS if "mse" in errors else OWN) if name not in errors]:
         raise BadInput(f"errors has no column {missing[0]!r}; {wanted}")
     if errors.empty:
         raise BadInput("errors has no rows: select some")
-    return errors.reset_index(drop=True)
+    rows = errors.reset_index(drop=True)
+    return rows if "mse" in rows else _complete(rows)
+
+
+def _complete(own: pd.DataFrame) -> pd.DataFrame:
+    """Return a table with `OWN`, and any other columns of `errors`, with all of them: nan is what is not known.
+
+    Rows of a trial are paired, as if they were of one stream; a trial without a number has failed.
+    """
+    rmse = pd.to_numeric(own["rmse"], errors="coerce")
+    if (rmse < 0).any() or rmse.isna().all():
+        raise BadInput(
+            "rmse has a negative number, or none: write root mean squared errors [m], nan where a trial failed"
+        )
+    single: dict[str, Any] = {"scenario": "results", "robot": 0, "ticks": 1, "centralised": False, "bound": False}
+    rows = own.assign(**{name: value for name, value in single.items() if name not in own}, rmse=rmse, mse=rmse**2)
+    rows["robots"] = rows.groupby("scenario")["robot"].transform("nunique")
+    rows["stream"] = "trial " + rows["trial"].astype(str)
+    return rows.reindex(columns=[*COLUMNS, *(name for name in rows if name not in COLUMNS)])
 
 
 def _against(

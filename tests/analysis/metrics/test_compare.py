@@ -220,3 +220,25 @@ def test_what_estimators_read_themselves_is_said_where_it_differs_but_not_what_t
     assert text.partition(": ")[2] == "RSSI (x[g=0], x[g=1], x[g=2] and 2 more), DOA (a, b), landmarks (c)"
     apart = table.assign(scenario=table["estimator"])
     assert reading_warnings(apart) == []
+
+
+def test_a_table_made_elsewhere_is_compared_as_that_of_errors(rng):
+    errors = pd.concat([rows(name, rng.uniform(1, 2, (9, 1))) for name in "ab"], ignore_index=True)
+    own = errors.assign(rmse=np.sqrt(errors["mse"]))[["estimator", "trial", "rmse"]]
+    columns = ["estimator", "trials", "rmse", "rmse_low", "rmse_high", "change", "change_low", "change_high", "p_holm"]
+    pd.testing.assert_frame_equal(compare(own, "b")[columns], compare(errors, "b")[columns])
+    lost = own.assign(rmse=own["rmse"].where(own.index != 3))
+    assert compare(lost, "b")["failed"].sum() == 1
+    twice = pd.concat([own.assign(robot=robot, scenario=s) for robot in (0, 1) for s in "xy"])
+    assert compare(twice, "b", full=True)["robots"].tolist() == [2] * 4
+    for change, said in (
+        ({"rmse": -1.0}, "negative number"),
+        ({"rmse": "x"}, "or none"),
+        ({"trial": 0}, "there twice"),
+    ):
+        with pytest.raises(cl.BadInput, match=said):
+            compare(own.assign(**change), "b")
+    with pytest.raises(
+        cl.BadInput, match=r"has no column 'rmse'; it must be .* or one with estimator, trial, rmse \[m\]"
+    ):
+        compare(own.drop(columns="rmse"), "b")
