@@ -49,6 +49,7 @@ LEAST = 3  # values from which a sweep is drawn as lines without being asked for
 MOST_PANELS = 6  # of sweeps
 TOGETHER = 6  # estimators that can still be distinguished in one panel
 MOST = 24  # estimators of an overview
+FIT = 48  # estimators on a page or in a legend; of more, those with the smallest errors and the baselines are drawn
 LETTER = 0.09  # [in] that a letter of a tick is wide
 KEY, KEY_LETTER = 0.45, 0.05  # [in] that a marker of a legend and a letter beside it are wide
 
@@ -249,9 +250,16 @@ def _method(label: str) -> str:
 
 
 def ranking(parts: Sequence[pd.DataFrame], pens: Pens, short: Short, medium: Style = PAGE) -> Figure:
-    """Draw RMSE of every estimator with its interval, a panel for each scenario; smallest in the first on top."""
+    """Draw RMSE of estimators with its interval, a panel for each scenario; smallest in the first on top.
+
+    Of many estimators those with the smallest errors, and the baselines.
+    """
     parts = [part[part["rmse"].notna()] for part in parts]
-    order = list(dict.fromkeys(name for part in parts for name in part.sort_values("rmse")["estimator"]))[::-1]
+    every = list(dict.fromkeys(name for part in parts for name in part.sort_values("rmse")["estimator"]))
+    kept = {*every[:FIT], *(name for part in parts for name in part["baseline"])}
+    parts = [part[part["estimator"].isin(kept)] for part in parts]
+    order = [name for name in every if name in kept][::-1]
+    few = f", {len(order)} of {len(every)} estimators" * (len(order) < len(every))
     rows = [row for part in parts for row in part.to_dict("records")]
     unranked = {row["estimator"]: why for row in rows if (why := style.why_unranked(row))}
     titles = [wrap_label(str(part["scenario"].iloc[0]), int(18 * (medium.width - 1.4) / len(parts))) for part in parts]
@@ -264,12 +272,16 @@ def ranking(parts: Sequence[pd.DataFrame], pens: Pens, short: Short, medium: Sty
         ax.set_title(title)
 
     draws = [partial(draw, part=part, title=title) for part, title in zip(parts, titles, strict=True)]
-    return compose(draws, medium, (medium.width, height), (RMSE, ""), across=len(parts))
+    return compose(draws, medium, (medium.width, height), (RMSE + few, ""), across=len(parts))
 
 
 def scatter(part: pd.DataFrame, others: Sequence[str], pens: Pens, short: Short, medium: Style = PAGE) -> Figure:
-    """Draw RMSE of every estimator in one scenario against ANEES, bytes or seconds, a panel for each of `others`."""
+    """Draw RMSE of estimators in one scenario against ANEES, bytes or seconds, a panel for each of `others`.
+
+    Of many estimators those with the smallest errors, and the baseline.
+    """
     part = part[part["rmse"].notna()]
+    part = part[(part["rmse"].rank(method="first") <= FIT) | (part["estimator"] == part["baseline"])]
 
     def draw(ax: Axes, other: str) -> None:
         draw_against(ax, part[part[other].notna()], other, pens)

@@ -60,6 +60,7 @@ from cooploc.estimators.listing import setting_kind
 from cooploc.estimators.registry import source_of
 from cooploc.scenarios.studies.study import Study, stream_sentence
 
+WIDE = 36  # characters of an estimator's label that a page writes in full
 FEW = 4  # scenarios that the first figure of a page draws side by side
 BELOW = "95 %", "remark"  # heads of columns that stand below their left neighbour
 SYMBOLS = dict(zip(style.MARKERS, "✖●■◆▲▼✚★⬟⬢◀▶♦◉⬣✦✧✶⅄⋏✯✺≻", strict=False))  # of the figures' markers
@@ -80,7 +81,7 @@ def write(
 ) -> Path:
     """Write the page and its tables, of these estimators and scenarios alone, into a directory; return its path."""
     kept = select(run, estimators, scenarios, baseline)
-    numbers = run_numbers.numbers_of(kept)
+    numbers = run_numbers.numbers_of(kept, WIDE)
     table = numbers.table
     lowest = floors(table["scenario"], kept.manifest["seed"], run_numbers.FLOORED, FLOOR_PATHS, FLOOR_TRIALS)
     numbers = numbers._replace(table=table.assign(floor=table["scenario"].map(lowest)))

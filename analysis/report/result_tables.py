@@ -250,7 +250,7 @@ def best(found: list[Standing], name: str = "best") -> Table:
         text_column("of those that qualify", "estimator"),
         *RMSE,
         *ANEES,
-        text_column("ties with", "ties"),
+        text_column("ties with", "ties", of=("some_ties",)),
         text_column("as accurate or more, but does not qualify", "barred", of=("some",)),
     )
     rows = [
@@ -260,16 +260,22 @@ def best(found: list[Standing], name: str = "best") -> Table:
             "estimator": one.best,
             **_interval_values("rmse", one.rmse),
             **_interval_values("anees", one.anees),
-            "ties": ", ".join((*(f"{name} (equal)" for name in one.equal), *one.tied)),
+            "ties": ", ".join(ties),
+            "some_ties": _first(ties, 8),
             "barred": ", ".join(one.barred),
-            "some": ", ".join(one.barred[:2]) + (f" and {len(one.barred) - 2} more" if len(one.barred) > 2 else ""),
+            "some": _first(one.barred, 2),
             "alone": one.best if one.is_alone else "",
             "sentence": shorten_labels(summary_sentence(one)),
         }
         for one in found
+        for ties in [(*(f"{name} (equal)" for name in one.equal), *one.tied)]
     ]
     marks = {"data-scenario": "scenario", "data-best": "alone", "title": "sentence"}
     return Table(name, words("captions")["best"], columns, rows, marks)
+
+
+def _first(names: tuple[str, ...], most: int) -> str:
+    return ", ".join(names[:most]) + f" and {len(names) - most} more" * (len(names) > most)
 
 
 def _interval_values(name: str, found: Interval) -> dict[str, float]:

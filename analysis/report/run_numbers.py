@@ -15,7 +15,7 @@ from cooploc.analysis.metrics.sequential import ANYTIME, add_decisions
 from cooploc.analysis.metrics.statistics import FIXED
 from cooploc.analysis.metrics.sweeps import add_sweep, sweeps
 from cooploc.analysis.plot import results, style
-from cooploc.analysis.report.labels import Labels, short_labels, variants_of
+from cooploc.analysis.report.labels import LONGEST, Labels, short_labels, variants_of
 from cooploc.estimators.errors import count_of
 
 SWEEP = 3  # values from which a sweep becomes a line
@@ -32,12 +32,12 @@ class Numbers(NamedTuple):
     names: Labels
 
 
-def numbers_of(kept: StoredRun) -> Numbers:
-    """Return the run's table and trials, and how its estimators are drawn and written."""
+def numbers_of(kept: StoredRun, longest: int = LONGEST) -> Numbers:
+    """Return the run's table and trials, and how its estimators are drawn and written; a label longer has a letter."""
     table = compare(kept.rows, kept.baselines, full=True)
     table = table if kept.comparisons is None else add_decisions(table, kept.comparisons)
     estimators = [str(name) for name in kept.rows["estimator"].unique()]
-    names = short_labels(estimators, variants_of(kept.manifest["study"]))
+    names = short_labels(estimators, variants_of(kept.manifest["study"]), longest)
     return Numbers(kept, table, collect(kept.rows, ANYTIME if kept.looks else FIXED), style.pens(estimators), names)
 
 

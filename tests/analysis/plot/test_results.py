@@ -101,6 +101,21 @@ def test_a_legend_of_long_names_stays_in_its_figure(columns):
     assert figure.axes[0].get_position().height > 0.3
 
 
+def test_of_many_estimators_a_page_draws_those_with_the_smallest_errors_and_the_baseline():
+    names = {"arl": (5.0, 1.0)} | {f"ekf-ci[gate={n},inflation=2]": (1.0, 1.0) for n in range(1, 60)}
+    table = compare(rows_of("nlos", names), "arl", full=True).assign(floor=0.1)
+    figure = results.ranking([table], style.pens(names), str)
+    FigureCanvasAgg(figure).draw()
+    (ax,) = figure.axes
+    shown = [text.get_text() for text in ax.get_yticklabels()][::-1]
+    assert shown == [*table.sort_values("rmse")["estimator"].head(results.FIT), "arl"]
+    assert ax.get_xlabel() == "position RMSE [m], 49 of 60 estimators"
+    boxes = [text.get_window_extent() for text in ax.get_yticklabels()]
+    assert not any(a.overlaps(b) for a, b in pairwise(boxes))
+    legend = results.scatter(table, ("anees",), style.pens(names), str).legends[0].get_texts()
+    assert sorted(text.get_text() for text in legend) == sorted(shown)
+
+
 def test_of_an_estimator_in_a_file_the_last_folder_alone_is_shown():
     ax = cl.plot.rmse(rows_of("nlos", {f"/a/{'deep/' * 40}new/mine.py:Mine[gate=9]": (1.0, 1.0), "arl": (1.0, 1.0)}))
     assert ax.get_legend_handles_labels()[1] == ["new/mine.py:Mine[gate=9]", "arl"]
