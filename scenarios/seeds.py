@@ -22,6 +22,7 @@ class Purpose(IntEnum):
     OBSTACLES = 4
     WHEELS = 5
     UWB = 6
+    OWN = 7  # of what a world of somebody else adds to one of ours
 
 
 def generator(seed: int, trial: int, purpose: Purpose) -> np.random.Generator:

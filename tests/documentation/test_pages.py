@@ -75,13 +75,15 @@ def test_the_worlds_of_the_guide_run(tmp_path, monkeypatch):
     guide = ROOT / "docs/how-to/world.md"
     labels = re.findall(r'cooploc run "(.+?)"', guide.read_text("utf-8"))
     tables = []
-    for name, text, label in zip(("office", "ice"), blocks(guide), labels, strict=True):
+    runs = ("office", "dead-reckoning"), ("ice", "dead-reckoning"), ("gps", "ekf-local,gps.py:ByGps")
+    for (name, estimators), text, label in zip(runs, blocks(guide), labels, strict=True):
         Path(f"{name}.py").write_text(text)
-        results = cl.run_study(label, estimators="dead-reckoning", trials=1)
+        results = cl.run_study(label, estimators=estimators, trials=1)
         assert len(results.failures) == 0
         tables.append(results.table)
     assert tables[0]["robots"].tolist() == [2, 4]
     assert tables[1]["rmse"].is_monotonic_increasing
+    assert tables[2]["certificate"].iloc[1].startswith("passed: 11 of 12 checks; equivariance: it is not known")
 
 
 @pytest.mark.slow
