@@ -21,7 +21,7 @@ from typing import Any, ClassVar, Literal, NamedTuple, Self
 import numpy as np
 
 from cooploc.estimators.errors import require
-from cooploc.estimators.interface import Array, Belief, Indices, Mail, Mask, Rows, Senses, World
+from cooploc.estimators.interface import Array, Belief, Indices, Mail, Mask, Rows, Senses, Sensor, World
 from cooploc.estimators.kalman import linearise, symmetric
 from cooploc.estimators.kalman_window import Window, append_tick, drop_oldest, empty, map_senses, smooth, times
 from cooploc.estimators.models import RAW, AnchorReading, fixed_channels, fixed_readings, gradient_doa, wrap_heading
@@ -126,12 +126,16 @@ class State(NamedTuple):
 
     def factors(self, loss: Loss) -> PairFactors:
         """Return the robot's readings of teammates, as they stand in the last solution."""
-        channel = next(c for c in ("sighting", "radio_range", "radio_rssi") if c in self.world.sensors)
-        sensor, seen_at = self.world.sensors[channel], np.nan_to_num(self.seen_at)
+        sensor, seen_at = _of_teammates(self.world), np.nan_to_num(self.seen_at)
         y, H, H_j = linearise(sensor, self.at[:, :, None], seen_at, self.reading)
         y = np.where(np.isnan(self.seen_at[..., :1]), np.nan, y)
         y, R, (H, H_j) = weigh(y, sensor.R, loss, H, H_j[..., :2])
         return PairFactors(y, H, H_j, R, seen_at)
+
+
+def _of_teammates(world: World) -> Sensor:
+    """Return the sensor of readings of teammates: the runner leaves one."""
+    return next(world.sensors[c] for c in ("sighting", "radio_range", "radio_rssi") if c in world.sensors)
 
 
 def _map_fields(f: Callable[[Any], Any], s: State, *names: str) -> State:
@@ -247,7 +251,7 @@ class Gbp:
         vectors, matrices = np.empty((r, 0, n, 2)), np.empty((r, 0, n, 2, 2))
         none = Belief(vectors, matrices), vectors, vectors, Information(vectors, matrices)
         own = empty(Belief(prior.x[:, None], prior.P[:, None]), world)
-        reading = np.empty((r, 0, n, 2 if "sighting" in world.sensors else 1))
+        reading = np.empty((r, 0, n, len(_of_teammates(world).R)))
         return State(own, np.empty((r, 0, d, d)), np.empty((r, 0, d)), reading, *none, prior, prior, rows.robot, world)
 
     def predict(self, s: State, z: Senses) -> State:

@@ -53,8 +53,8 @@ class Senses(NamedTuple):
     odometry: Array  # (r, k)     Displacement: dx, dy [m]; Unicycle: v [m/s], omega [rad/s]
     dt: Array  # (r,)       what the odometry covers [s]
     anchor_rssi: Array  # (r, a)     [dBm]
-    landmark: Array  # (r, l, 2)  range [m], bearing [rad]
-    sighting: Array  # (r, n, 2)  of teammates: range [m], bearing [rad]
+    landmark: Array  # (r, l, 2)  range [m], bearing [rad]; (r, l, k) of a sensor of k numbers, as a bearing alone
+    sighting: Array  # (r, n, 2)  of teammates, likewise
     extra: Mapping[str, Array]  # anchor_range (r, a) [m], team_prior, and channels of plug-in scenarios, (r, ...)
 
 
@@ -103,7 +103,10 @@ class Sensor(Protocol):
         ...
 
     def innovation(self, x: Array, q: Array, z: Array) -> tuple[Array, Array, Array]:
-        """Return y = z - h(x, q) (..., k) with angles wrapped, H = dh/dx (..., k, d), Hq = dh/dq (..., k, 2)."""
+        """Return y = z - h(x, q) (..., k) with angles wrapped, H = dh/dx (..., k, d), Hq = dh/dq (..., k, 2).
+
+        Derivatives are finite, also where x is at q.
+        """
         ...
 
 

@@ -340,22 +340,23 @@ class Message(NamedTuple):
 
     x: Array  # (..., d)
     P: tuple[Array, ...]  # (..., d, d) each: the covariance, or the parts that add up to it
-    sightings: Array  # (..., n, 2)  range [m] and bearing [rad] of each teammate; n = 0 where none are sent
+    sightings: Array  # (..., n, k)  of each teammate, as range [m] and bearing [rad]; n = 0 where none are sent
 
     def pack(self) -> Array:
         """Return the packet (..., m): x, the upper triangle of each covariance, the sightings."""
         lead, d = self.x.shape[:-1], self.x.shape[-1]
         upper = (P.reshape(*lead, d * d).take(_triangle(d)[0], -1) for P in self.P)
-        return np.concatenate([self.x, *upper, self.sightings.reshape(*lead, 2 * self.sightings.shape[-2])], -1)
+        n, k = self.sightings.shape[-2:]
+        return np.concatenate([self.x, *upper, self.sightings.reshape(*lead, n * k)], -1)
 
     @classmethod
     def unpack(cls, packets: Array, d: int, parts: int = 1) -> Self:
-        """Return the messages in packets (..., m) of a state of d numbers and a covariance in `parts`."""
+        """Return the messages in packets (..., n, m) of a state of d numbers and a covariance in `parts`."""
         square, size = _triangle(d)[1], d * (d + 1) // 2
         covariances = [packets.take(square + d + part * size, -1) for part in range(parts)]
         x, sightings = packets[..., :d], packets[..., d + parts * size :]
-        pairs = sightings.reshape(*packets.shape[:-1], sightings.shape[-1] // 2, 2)
-        return cls(x, tuple(covariances), pairs)
+        n = packets.shape[-2] if sightings.shape[-1] else 0
+        return cls(x, tuple(covariances), sightings.reshape(*packets.shape[:-1], n, -1 if n else 2))
 
 
 @lru_cache

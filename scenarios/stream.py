@@ -206,8 +206,11 @@ def _require_shapes(stream: Stream) -> None:
     world, t, ticks, n = stream.world, len(stream.trial), len(stream.time), stream.robots
     d = 2 if np.shape(stream.prior.x)[2:] == (2,) else 3
     whole = {"prior.x": (t, n, d), "prior.P": (t, n, d, d), "senses.dt": (t, ticks, n), "air.link": (t, ticks, n, n)}
-    things = {"anchor_rssi": (len(world.anchors),), "landmark": (len(world.landmarks), 2), "sighting": (n, 2)}
-    channels = {f"senses.{name}": shape for name, shape in things.items()} | {"air.rssi": (n,), "air.range": (n,)}
+    channels: dict[str, tuple[int, ...]] = {"senses.anchor_rssi": (len(world.anchors),)}
+    channels |= {"air.rssi": (n,), "air.range": (n,)}
+    for name, things in (("landmark", len(world.landmarks)), ("sighting", n)):
+        numbers = len(world.sensors[name].R) if name in world.sensors else 2
+        channels[f"senses.{name}"] = things, numbers
     if type(world.motion) in MODELS.values():
         channels["senses.odometry"] = (2,)
     for name, array in stream.arrays().items():
@@ -216,7 +219,7 @@ def _require_shapes(stream: Stream) -> None:
             raise BadInput(f"{where} is of type {type(array).__name__}: give a numpy array")
         own = channels.get(name, array.shape[3:])
         shape = whole.get(name, (t, ticks, n, *own))
-        if array.shape != shape and (name not in channels or array.shape != (t, ticks, n, 0, *own[1:])):
+        if array.shape != shape and (name not in channels or array.shape[:4] != (t, ticks, n, 0)):
             absent = ", or of width 0 in axis 3 where the channel does not exist" * (name in channels)
             raise BadInput(f"{where} has shape {array.shape}; it must be {shape}{absent}")
         kind = bool if name == "air.link" else float

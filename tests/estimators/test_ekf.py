@@ -9,8 +9,9 @@ from scipy.stats import chi2
 
 from cooploc.estimators import make
 from cooploc.estimators.ekf_joint import EkfJoint, State
+from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Mail, Senses
-from cooploc.estimators.models import Range
+from cooploc.estimators.models import Bearing, Range
 from cooploc.scenarios import simulate
 from cooploc.scenarios.runner.run import run
 from cooploc.scenarios.runner.trace import trace
@@ -202,10 +203,34 @@ def test_literal_split_ci_of_independent_priors_is_the_naive_filter():
 )
 def test_batched_is_filterpy(label, robots):
     ticks = 4 if robots == 10 else 20
-    for world in (f"scalability/n={robots}", f"camera/n={robots}"):
-        _, stream = simulate(world, trials=1 if robots == 10 else 2, seed=26, ticks=ticks, drop=0.2)
-        batched, loop = (make(label, engine=engine) for engine in ("batched", "filterpy"))
-        assert_near(*run({"batched": batched, "filterpy": loop}, stream).traces.values())
+    twins = {engine: make(label, engine=engine) for engine in ("batched", "filterpy")}
+    worlds = f"scalability/n={robots}", f"camera/n={robots}"
+    radio, camera = (simulate(w, trials=1 + (robots < 10), seed=26, ticks=ticks, drop=0.2)[1] for w in worlds)
+    for stream in (radio, camera, bearings_alone(camera)):
+        assert_near(*run(twins, stream).traces.values())
+
+
+def bearings_alone(stream):
+    """The stream of a camera that measures no distances: one number a sighting."""
+    z, seen = stream.senses, Bearing(0.02)
+    world = replace(stream.world, sensors={"landmark": seen, "sighting": seen})
+    bearings = {name: getattr(z, name)[..., 1:].copy() for name in ("landmark", "sighting")}
+    return replace(stream, world=world, senses=z._replace(**bearings))
+
+
+@pytest.mark.parametrize("name", ["gbp", "map-joint", "iekf-joint", "ukf-joint"])
+def test_bearings_alone_are_read(name):
+    truth, stream = simulate("camera/n=3", trials=2, seed=26, ticks=40)
+    found = run([name, "dead-reckoning"], bearings_alone(stream))
+    own, dead = (np.hypot(*(t.x - truth.x)[..., :2].transpose(3, 0, 1, 2)).mean() for t in found.traces.values())
+    assert own < dead
+
+
+@pytest.mark.parametrize("name", ["mrsl-distance", "ctrn"])
+def test_what_needs_distances_of_teammates_refuses_bearings_alone(name):
+    _, stream = simulate("camera/n=2", ticks=2)
+    with pytest.raises(BadInput, match=f"{name} on .* it takes distances of teammates, which sightings by Bearing do"):
+        run([name], bearings_alone(stream))
 
 
 def test_weights_for_the_position_alone_leave_less_doubt_about_it_at_the_first_fusion():

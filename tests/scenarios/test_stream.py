@@ -210,6 +210,16 @@ def test_arrays_of_another_shape_or_type_are_refused(name, change, said):
         ABSENT.replace_arrays({name: change(ABSENT.arrays().get(name))})
 
 
+def test_a_sighting_has_as_many_numbers_as_its_sensor():
+    camera = short("camera")
+    bearings = {f"senses.{name}": getattr(camera.senses, name)[..., 1:] for name in ("landmark", "sighting")}
+    with pytest.raises(BadInput, match=r"senses\.landmark has shape"):
+        camera.replace_arrays(bearings)
+    own = replace(camera.world, sensors=dict.fromkeys(("landmark", "sighting"), Bearing()))
+    senses = camera.senses._replace(**{name.removeprefix("senses."): a for name, a in bearings.items()})
+    assert replace(camera, world=own, senses=senses).channels() == camera.channels()
+
+
 def test_a_channel_of_width_0_does_not_exist():
     nothing = {name: ABSENT.arrays()[name][:, :, :, :0] for name in ("senses.anchor_rssi", "air.rssi", "air.range")}
     assert ABSENT.replace_arrays(nothing).channels() == ABSENT.channels() - {"anchor_rssi", "radio_rssi", "radio_range"}

@@ -71,6 +71,7 @@ def test_a_world_without_orientations_and_a_sighting_that_has_no_parts_are_refus
     with pytest.raises(cl.BadInput, match="needs channel 'orientation'"):
         cl.run({"ekf": cl.make("ekf-joint", orientation=True)}, stream)
     sensors = {**stream.world.sensors, "sighting": Orientation()}
-    odd = replace(stream, world=replace(stream.world, sensors=sensors))
+    senses = stream.senses._replace(sighting=stream.senses.sighting[..., 1:])
+    odd = replace(stream, world=replace(stream.world, sensors=sensors), senses=senses)
     with pytest.raises(cl.BadInput, match="needs sightings of range and bearing"):
         cl.run({"ekf": cl.make("ekf-joint", sighting="range")}, odd)
