@@ -291,7 +291,7 @@ def take_sightings_for_ranges(world: World) -> World:
     camera, others = world.sensors.get("sighting"), {c: s for c, s in world.sensors.items() if c != "sighting"}
     if camera is None:
         return world
-    if not isinstance(camera, models.Sighting):
+    if not isinstance(camera, models.Sighting | models.Range):
         raise BadInput(f"it takes distances of teammates, which sightings by {type(camera).__name__} do not have")
     return replace(world, sensors=others | {"radio_range": models.Range(float(camera.R[0, 0]) ** 0.5, loss_of(camera))})
 

@@ -206,31 +206,34 @@ def test_batched_is_filterpy(label, robots):
     twins = {engine: make(label, engine=engine) for engine in ("batched", "filterpy")}
     worlds = f"scalability/n={robots}", f"camera/n={robots}"
     radio, camera = (simulate(w, trials=1 + (robots < 10), seed=26, ticks=ticks, drop=0.2)[1] for w in worlds)
-    for stream in (radio, camera, bearings_alone(camera)):
+    for stream in (radio, camera, one_number(camera, Bearing(0.02))):
         assert_near(*run(twins, stream).traces.values())
 
 
-def bearings_alone(stream):
-    """The stream of a camera that measures no distances: one number a sighting."""
-    z, seen = stream.senses, Bearing(0.02)
-    world = replace(stream.world, sensors={"landmark": seen, "sighting": seen})
-    bearings = {name: getattr(z, name)[..., 1:].copy() for name in ("landmark", "sighting")}
-    return replace(stream, world=world, senses=z._replace(**bearings))
+def one_number(stream, sensor):
+    """The stream of a camera that measures bearings alone, or distances alone."""
+    part = slice(1, 2) if isinstance(sensor, Bearing) else slice(1)
+    world = replace(stream.world, sensors={"landmark": sensor, "sighting": sensor})
+    readings = {name: getattr(stream.senses, name)[..., part].copy() for name in ("landmark", "sighting")}
+    return replace(stream, world=world, senses=stream.senses._replace(**readings))
 
 
 @pytest.mark.parametrize("name", ["gbp", "map-joint", "iekf-joint", "ukf-joint"])
 def test_bearings_alone_are_read(name):
     truth, stream = simulate("camera/n=3", trials=2, seed=26, ticks=40)
-    found = run([name, "dead-reckoning"], bearings_alone(stream))
+    found = run([name, "dead-reckoning"], one_number(stream, Bearing(0.02)))
     own, dead = (np.hypot(*(t.x - truth.x)[..., :2].transpose(3, 0, 1, 2)).mean() for t in found.traces.values())
     assert own < dead
 
 
 @pytest.mark.parametrize("name", ["mrsl-distance", "ctrn"])
 def test_what_needs_distances_of_teammates_refuses_bearings_alone(name):
-    _, stream = simulate("camera/n=2", ticks=2)
+    _, stream = simulate("camera/n=2", ticks=30)
     with pytest.raises(BadInput, match=f"{name} on .* it takes distances of teammates, which sightings by Bearing do"):
-        run([name], bearings_alone(stream))
+        run([name], one_number(stream, Bearing(0.02)))
+    alone = make(name, anchor_reading="none")
+    distances, both = (trace(name, alone, s).x for s in (one_number(stream, Range(0.15)), stream))
+    np.testing.assert_array_equal(distances, both)
 
 
 def test_weights_for_the_position_alone_leave_less_doubt_about_it_at_the_first_fusion():
