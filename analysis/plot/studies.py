@@ -29,6 +29,11 @@ RULES = {  # (fusion, filter) -> name, and the estimator whose pen it has
 GAP = 0.6  # between teams, in units of the x axis
 
 
+def _require_table(given: object, made_by: str, column: str) -> None:
+    if not isinstance(given, pd.DataFrame) or column not in given:
+        raise BadInput(f"this draws what {made_by} returns; it was given something else, a {type(given).__name__}")
+
+
 def information(table: pd.DataFrame) -> Axes:
     """Draw position RMSE with 95 % intervals in every cell of `cl.information`, and the cell's floor as a dotted line.
 
@@ -36,6 +41,7 @@ def information(table: pd.DataFrame) -> Axes:
     of each other. Hollow markers are over-confident; centralised estimators and the bound are grey. The axes of the
     first row are returned.
     """
+    _require_table(table, "cl.information", "own")
     rows = [name for name in OWN if (table["own"] == name).any()]
     axes = style.new_panels(len(rows), 1, (7.2, 1.55), 1.1, sharex=True, sharey=True)
     teams = sorted(table["robots"].unique())
@@ -87,6 +93,7 @@ def sensitivity(table: pd.DataFrame) -> Axes:
     All panels have one logarithmic scale. A dashed vertical line is the preset's value, of an assumed parameter the
     true one. Hollow markers are over-confident, centralised estimators are grey. The first panel's axes are returned.
     """
+    _require_table(table, "cl.sensitivity", "parameter")
     parameters = list(dict.fromkeys(table["parameter"]))
     axes = style.new_panels(len(parameters), 2, (3.6, 2.3), 0.5, sharey=True)
     for k, (ax, parameter) in enumerate(zip(axes, parameters, strict=True)):
@@ -113,6 +120,7 @@ def tuning(history: pd.DataFrame, ax: Axes | None = None) -> Axes:
     `history` is that of `cl.tune`. The first mark of a line is the configuration as shipped, whose gain is 0. What
     is gained on training streams may be lost on fresh ones: the table of `cl.tune` has both.
     """
+    _require_table(history, "cl.tune(...).history", "gain")
     ax = ax or style.new_axes(7.0, 4.0)
     for name, pen in style.session_pens(history["estimator"]).items():
         part = history[history["estimator"] == name].sort_values("spent", kind="stable")
@@ -131,6 +139,7 @@ def tuned_parameters(history: pd.DataFrame, estimator: str) -> Axes:
     Filled marks ran all rounds, hollow ones were stopped early, after fewer trials; the cross is the configuration as
     shipped, and a circle is drawn around the one that was chosen. The axes of the first panel are returned.
     """
+    _require_table(history, "cl.tune(...).history", "gain")
     known = list(dict.fromkeys(history["estimator"]))
     if estimator not in known:
         raise BadInput(f"there is no estimator {estimator!r} in this tuning; {nearest(estimator, known)}")
@@ -192,6 +201,7 @@ def claims(verdicts: pd.DataFrame, variant: str = BASE, ax: Axes | None = None) 
 
     `variant` is the reading of the paper; "paper" is the ledger's own. Intervals are of 95 %.
     """
+    _require_table(verdicts, "cl.verdicts", "variant")
     drawn = verdicts[(verdicts["variant"] == variant) & verdicts["kind"].isin(RELATIVE)]
     drawn = drawn[drawn["value"].notna() & drawn["size"].notna()]
     if drawn.empty:
@@ -247,6 +257,7 @@ def readings(found: pd.DataFrame, ax: Axes | None = None, columns: int = 1) -> A
     side by side in so many `columns`, the levels in the last one. On `ax` only the changes are drawn. Pale: readings in
     which the baseline is worse than dead reckoning.
     """
+    _require_table(found, "cl.readings", "size")
     sized = found[found["size"].notna() & found["value"].notna()]
     changes, levels = sized[sized["kind"].isin(RELATIVE)], sized[sized["kind"] == "level"]
     pieces = np.array_split(changes["claim"].unique(), max(columns - 1, 1))

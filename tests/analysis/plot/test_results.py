@@ -178,3 +178,12 @@ def test_the_frontier_is_drawn_in_a_panel_for_each_scenario():
     figure.canvas.draw()
     below = [[label.get_text() for label in ax.get_xticklabels()] for ax in figure.axes[1:]]  # nothing is below these
     assert below == [["0", "10", "20", "50"]] * 2
+
+
+@pytest.mark.parametrize(
+    "draw", [cl.plot.claims, cl.plot.information, cl.plot.readings, cl.plot.sensitivity, cl.plot.tuning]
+)
+def test_a_figure_of_another_table_is_refused(draw):
+    for given in (pd.DataFrame({"a": [1]}), "runs/mine", None):
+        with pytest.raises(cl.BadInput, match=r"this draws what cl[.]\w+.* returns; it was given something else, a "):
+            draw(given)
