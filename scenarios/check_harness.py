@@ -28,9 +28,9 @@ TIME_OVER = "of all checks were over"  # words of a check that was skipped for t
 _RADIO: dict[str, Any] = {"ticks": TICKS, "drop": 0.3}
 _CAMERA: dict[str, Any] = {**_RADIO, "sight": 8.0, "view": 1.5}  # wide view: even a short stream has sightings
 # One robot and one trial are a single row: the shape on which mistakes in broadcasting show.
-# Other scenarios are asked where none of these has what an estimator reads.
-MOST_OTHERS, RECORDED = 2, 5  # how many; a recording has readings in few ticks, and is so many times as long
 SCENARIOS = {"robots-1-3/n=3": _RADIO, "robots-1-3/n=1": _RADIO, "camera/n=3": _CAMERA, "camera/n=1": _CAMERA}
+MOST_OTHERS = 2  # scenarios of the caller, which are asked where none of these has what an estimator reads
+RECORDED = 5  # times as long is a recording, which has readings in few ticks
 
 
 class CheckFailed(Exception):

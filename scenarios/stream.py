@@ -231,8 +231,8 @@ def find_fault(truth: Truth, stream: Stream, trials: Sequence[int]) -> str:
     """Return a sentence on what cannot be in truth and stream that a scenario gave for these trials, else ""."""
     shape, x, P = (len(trials), len(stream.time), stream.robots), *stream.prior
     for what, one in (("truth", truth), ("stream", stream)):
-        if one.trial.tolist() != list(trials):
-            return f"its {what} is of trials {one.trial.tolist()}, and simulate() was asked for {list(trials)}"
+        if list(map(int, one.trial)) != list(trials):
+            return f"its {what} is of trials {list(map(int, one.trial))}, and simulate() was asked for {list(trials)}"
     if truth.valid.shape != shape:
         return f"its truth is {_size(*truth.valid.shape)}, and its stream {_size(*shape)}"
     if not np.isfinite(truth.x[truth.valid][..., :2]).all():

@@ -297,9 +297,11 @@ def find_misfits(
 def _first_stream(scenario: ResolvedScenario, seed: int) -> Stream:
     """Return the stream of a scenario's first tick; of one that is not built in, only if trials come again alone."""
     first = scenario.of_length(1)
-    if scenario.name in BUILTIN or first.is_recording:
+    if scenario.name in BUILTIN:
         return first.simulate(1, seed)[1]
     try:
+        if first.is_recording:
+            return first.simulate(1, seed)[1]
         both, second = (first.simulate(trials, seed)[1] for trials in ([0, 1], [1]))
     except BadInput:
         raise
