@@ -36,7 +36,8 @@ def test_a_model_that_does_not_state_its_size_is_a_scenario_too(monkeypatch):
     monkeypatch.setitem(BUILTIN, "foreign", Family("of another package", Foreign))
     found = resolve("foreign[drift=1]")
     assert (found.robots, found.ticks, found.trials(5), found.parameters) == (1, 1, 5, {"drift": "1"})
-    truth, _ = found.of_length(1).simulate(2, seed=3)
+    truth, stream = found.of_length(1).simulate(2, seed=3)
+    assert truth.scenario == stream.scenario == "foreign[drift=1]"  # those of another scenario have this label
     np.testing.assert_array_equal(truth.x, cl.simulate("trajectory", trials=2, seed=3, ticks=3)[0].x)
 
 

@@ -25,7 +25,8 @@ from cooploc.analysis.formats import (
 from cooploc.analysis.metrics.ranking import short_certificate
 from cooploc.analysis.report.html_page import Wording, html
 from cooploc.analysis.report.labels import short_labels
-from cooploc.analysis.report.result_tables import essential_columns, sort_rows
+from cooploc.analysis.report.result_tables import best, essential_columns, sort_rows
+from cooploc.analysis.report.sentences import Standing
 from cooploc.analysis.report.tables import Table, number_column, text_column
 from cooploc.estimators.errors import BadInput, count_of
 
@@ -169,3 +170,10 @@ def test_html_is_sorted_by_values_with_groups_markers_and_links_and_everything_i
     outline = Outline(source)
     assert outline.open == []
     assert {tag for tag, _ in outline.tags}.isdisjoint({"script", "b"})
+
+
+def test_of_many_ties_a_page_names_some_and_the_file_all():
+    one = Standing("s", "a", 9, 12, (), tied=tuple("bcdefghijkl"), equal=("m",))
+    table = best([one])
+    assert "m (equal), b, c, d, e, f, g, h and 4 more" in html(table)
+    assert "m (equal), b, c, d, e, f, g, h, i, j, k, l" in table.csv()

@@ -129,6 +129,8 @@ def test_a_scenario_in_a_file_is_a_scenario_like_any_other(tmp_path, monkeypatch
     truth, stream = cl.simulate("windy.py:WINDY/wind=2[ticks=4]", trials=2)
     assert truth.x.shape[:3] == (2, 4, 2)
     assert stream.scenario == "windy.py:WINDY/wind=2[ticks=4]"
+    prepared = prepare(Study(name="s", scenarios=("windy.py:WINDY",), estimators=("dead-reckoning",)))
+    assert [cell.scenario.label for cell in prepared.cells] == ["windy.py:WINDY"]
     for label, said in (
         ("Windy", "is the class Windy and no Family: name what"),
         ("WINDY/rain=1", "has no 'rain=1'; known are wind="),
