@@ -16,6 +16,7 @@ from cooploc.scenarios.studies.study import Study
 pytestmark = pytest.mark.slow
 FILE = """
 import ctypes, os, resource, time
+import numpy as np
 from cooploc.estimators.dead_reckoning import DeadReckoning
 from cooploc.scenarios import Family
 from cooploc.scenarios.worlds.radio import Paper
@@ -49,11 +50,17 @@ class Wanders(DeadReckoning):
 
 class World(Paper):
     def simulate(self, label, trials, seed, world):
-        if 1 in trials:
+        if 2 in trials:
             time.sleep(1000)
         return super().simulate(label, trials, seed, world)
 
-hangs = Family("hangs in trial 1", World)
+class Torn(Paper):
+    def simulate(self, label, trials, seed, world):
+        truth, stream = super().simulate(label, trials, seed, world)
+        third = (stream.trial == 2)[:, None, None, None]
+        return truth, stream.replace_arrays({"senses.odometry": np.where(third, np.inf, stream.senses.odometry)})
+
+hangs, torn = Family("hangs in trial 2", World), Family("has no number in trial 2", Torn)
 """
 WORLD = "robots-1-3/n=1[ticks=4]"
 SAID = {
@@ -107,10 +114,17 @@ def test_processes_that_are_kept_find_the_files_of_the_next_run_in_its_directory
 
 def test_a_scenario_that_hangs_costs_the_trial_where_it_does(place):
     world, names = ("bad.py:hangs[ticks=3]",), ("dead-reckoning", "ekf-local")
-    study = Study(name="cells", trials=2, time_limit=1.5, scenarios=world, estimators=names)
+    study = Study(name="cells", trials=3, time_limit=1.5, scenarios=world, estimators=names)
     for _, mine in execute(prepare(study), place / "run").groupby("estimator"):
-        assert list(failures(mine)) == [1]
-        assert failures(mine)[1].startswith("ProcessHung: longer than the time limit of 1.5 s a trial")
+        assert list(failures(mine)) == [2]
+        assert failures(mine)[2].startswith("ProcessHung: longer than the time limit of 1.5 s a trial")
+
+
+def test_a_trial_that_a_scenario_cannot_have_simulated_costs_no_other(place):
+    study = Study(name="cells", trials=3, scenarios=("bad.py:torn[ticks=3]", WORLD), estimators=("dead-reckoning",))
+    for scenario, mine in execute(prepare(study), place / "run").groupby("scenario"):
+        assert list(failures(mine)) == [2] * (scenario != WORLD)
+        assert all("senses.odometry is infinite somewhere" in why for why in failures(mine).values())
 
 
 def test_a_run_in_one_process_is_called_so(place):
