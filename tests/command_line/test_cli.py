@@ -41,6 +41,7 @@ def test_run_prints_a_table_and_writes_a_picture_and_says_where(ran, place):
     assert (place / "run" / "rmse.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 def test_json_is_the_only_thing_on_stdout_and_has_the_fields_of_the_csv_file(ran, place):
     told = inside("run", "small.toml", "--out", "run", "--json", cwd=place)
     rows = json.loads(told.stdout)

@@ -52,6 +52,7 @@ def test_every_figure_and_table_fits_a_two_column_paper(written, kept):
         assert all(file.name in done.stdout.replace("\n", "") for file in (folder / "figures").glob("*.pdf"))
 
 
+@pytest.mark.slow
 def test_what_a_user_sets_in_matplotlib_changes_no_file(kept):
     one = select(kept, scenarios=["nlos[ticks=8]"])
     paper.write(one, kept.folder / "plain")
