@@ -103,7 +103,7 @@ class Harness:
         if not found:
             pairs = len(SCENARIOS)
             reason = "; ".join(dict.fromkeys([*reasons[:pairs:2], *reasons[pairs:]]))
-            raise CheckFailed(reason, remedy_of(reason))
+            raise CheckFailed(reason, remedy_of(reason) or f"check it in a world that it is made for: {ELSEWHERE}")
         return found
 
     def _simulated(self) -> Iterator[Stream]:
@@ -227,6 +227,7 @@ def require_none(bad: Mask, stream: Stream, fault: str) -> None:
 
 # What to change after an error, by its words.
 
+ELSEWHERE = "cooploc check --scenario LABEL, in Python scenarios="
 ABSENT_READINGS = "treat nan as an absent reading: leave that row as it is in that update"
 COVARIANCES = "return (P + P.mT) / 2, and use an update that keeps P positive semidefinite, such as the Joseph form"
 CAUSES = {  # words of an error -> what to change
@@ -244,5 +245,5 @@ CAUSES = {  # words of an error -> what to change
     "shape": "cooploc.estimators.interface has the shape of every array",
     "attribute 'radio_": "the readings of teammates come with what was heard, in fuse(): mail.range, mail.rssi",
     "needs channel": "name in `uses` what these worlds have: 'a|b' is the first that there is, 'a?' one that may lack; "
-    "or check it where there is such a channel: cooploc check --scenario, in Python scenarios=",
+    f"or check it where there is such a channel: {ELSEWHERE}",
 }

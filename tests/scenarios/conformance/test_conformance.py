@@ -246,6 +246,20 @@ class SeesHeadingsOfAll(SeesHeadings):
         return s._replace(P=s.P + 1e-3 * seen[:, None, None] * np.eye(s.P.shape[-1]))
 
 
+class NeedsFour(DeadReckoning):
+    def init(self, prior, world, rows):
+        if world.robots < 4:
+            raise BadInput("it needs four robots")
+        return super().init(prior, world, rows)
+
+
+def test_an_estimator_that_refuses_our_worlds_is_checked_in_one_that_it_is_made_for():
+    refused = check_estimator(NeedsFour(), isolate=False)["runs"]
+    assert "it needs four robots" in refused.detail
+    assert refused.remedy.startswith("check it in a world that it is made for: cooploc check --scenario LABEL")
+    assert check_estimator(NeedsFour(), isolate=False, scenarios=["nlos/n=2", "scalability/n=4"]).passed
+
+
 @pytest.mark.parametrize(("estimator", "failed"), [(SeesHeadings(), []), (SeesHeadingsOfAll(), ["non-interference"])])
 def test_an_estimator_of_a_channel_that_our_worlds_lack_is_checked_where_there_is_one(estimator, failed):
     refused = check_estimator(estimator, isolate=False)["runs"]
