@@ -261,6 +261,10 @@ def _complete(own: pd.DataFrame) -> pd.DataFrame:
 
     Rows of a trial are paired, as if they were of one stream; a trial without a number has failed.
     """
+    if lacking := [
+        name for name in ("scenario", "estimator", "trial", "robot") if name in own and own[name].isna().any()
+    ]:
+        raise BadInput(f"{lacking[0]} is empty in some rows: fill it in, or leave these rows out")
     rmse = pd.to_numeric(own["rmse"], errors="coerce")
     if (rmse < 0).any() or rmse.isna().all():
         raise BadInput(

@@ -235,6 +235,7 @@ def test_a_table_made_elsewhere_is_compared_as_that_of_errors(rng):
         ({"rmse": -1.0}, "negative number"),
         ({"rmse": "x"}, "or none"),
         ({"trial": 0}, "there twice"),
+        ({"estimator": own["estimator"].where(own["trial"] > 2)}, "estimator is empty in some rows"),
     ):
         with pytest.raises(cl.BadInput, match=said):
             compare(own.assign(**change), "b")
