@@ -29,7 +29,7 @@ _RADIO: dict[str, Any] = {"ticks": TICKS, "drop": 0.3}
 _CAMERA: dict[str, Any] = {**_RADIO, "sight": 8.0, "view": 1.5}  # wide view: even a short stream has sightings
 # One robot and one trial are a single row: the shape on which mistakes in broadcasting show.
 SCENARIOS = {"robots-1-3/n=3": _RADIO, "robots-1-3/n=1": _RADIO, "camera/n=3": _CAMERA, "camera/n=1": _CAMERA}
-MOST_OTHERS = 2  # scenarios of the caller, which are asked where none of these has what an estimator reads
+MOST_OTHERS = 2  # scenarios of the caller, which are asked where an estimator reads what none of these has
 RECORDED = 5  # times as long is a recording, which has readings in few ticks
 
 
@@ -99,7 +99,11 @@ class Harness:
         """The small streams on which the estimator does not refuse to start, some of their readings absent."""
         reasons: list[str] = []
         found = list(self._fitting(self._simulated(), reasons))
-        found = found or list(islice(self._fitting(self._beginnings(), reasons), MOST_OTHERS))
+        known = {channel for stream in found for channel in self._channels(stream)}
+        declared = {channel for wish in self.estimator.uses for channel in wish.rstrip("?").split("|")}
+        if not found or declared - known:
+            others = self._fitting(self._beginnings(), reasons)
+            found += islice((s for s in others if self._channels(s) - known or not known), MOST_OTHERS)
         if not found:
             pairs = len(SCENARIOS)
             reason = "; ".join(dict.fromkeys([*reasons[:pairs:2], *reasons[pairs:]]))
@@ -140,10 +144,12 @@ class Harness:
 
     def arrays(self, stream: Stream) -> dict[str, str]:
         """Return the channels that the estimator reads, with their names in `Stream.arrays`, if they have a reading."""
-        channels = sorted(select_channels(self.name, self.estimator.uses, stream))
-        named = {channel: variations.name_of_array(channel) for channel in channels}
+        named = {channel: variations.name_of_array(channel) for channel in sorted(self._channels(stream))}
         held = stream.arrays()
         return {c: name for c, name in named.items() if held[name].dtype.kind == "f" and np.isfinite(held[name]).any()}
+
+    def _channels(self, stream: Stream) -> set[str]:
+        return select_channels(self.name, self.estimator.uses, stream)
 
     def run(self, stream: Stream, when: str, estimator: Any = None, watch: Watcher | None = None) -> RunRecord:
         """Run the estimator, or another in its place; `when` says what was changed, if anything: "no packets"."""

@@ -260,14 +260,34 @@ def test_an_estimator_that_refuses_our_worlds_is_checked_in_one_that_it_is_made_
     assert check_estimator(NeedsFour(), isolate=False, scenarios=["nlos/n=2", "scalability/n=4"]).passed
 
 
-@pytest.mark.parametrize(("estimator", "failed"), [(SeesHeadings(), []), (SeesHeadingsOfAll(), ["non-interference"])])
+class SeesHeadingsOfAllIfAny(SeesHeadingsOfAll):
+    uses = ("odometry", "orientation?")
+
+    def correct(self, s, z):
+        return super().correct(s, z) if "orientation" in z.extra else s
+
+
+OF_ALL = {"link-honesty", "non-interference"}  # what it breaks that takes other robots' readings without mail
+
+
+@pytest.mark.parametrize(("estimator", "failed"), [(SeesHeadings(), set()), (SeesHeadingsOfAll(), OF_ALL)])
 def test_an_estimator_of_a_channel_that_our_worlds_lack_is_checked_where_there_is_one(estimator, failed):
     refused = check_estimator(estimator, isolate=False)["runs"]
     assert "needs channel 'orientation'" in refused.detail
     assert "cooploc check --scenario" in refused.remedy
     report = check_estimator(estimator, isolate=False, scenarios="camera/n={2,3,4}[sigma_orientation=0.1,view=3]")
     assert "of 12 ticks of camera/n=2, camera/n=3: every" in report["runs"].detail  # two worlds are enough
-    assert set(failed) == {r.check for r in report.results if r.status == "failed"} - {"link-honesty"}
+    assert failed == {r.check for r in report.results if r.status == "failed"}
+
+
+def test_a_channel_that_an_estimator_can_do_without_is_checked_where_there_is_one():
+    assert check_estimator(SeesHeadingsOfAllIfAny(), isolate=False).passed
+    report = check_estimator(
+        SeesHeadingsOfAllIfAny(), isolate=False, scenarios="camera/n=2[sigma_orientation=0.1,view=3]"
+    )
+    assert "robots-1-3/n=3, robots-1-3/n=1, camera/n=3, camera/n=1, camera/n=2: every" in report["runs"].detail
+    assert {r.check for r in report.results if r.status == "failed"} == OF_ALL
+    assert report["equivariance"].status == "passed"  # in those worlds of which it is known how they turn
 
 
 def test_checks_need_some_time():
