@@ -42,7 +42,8 @@ class NoCompass(BaseModel):
     def radio(self) -> Paper:
         """Return the same arena, whose robots have a compass."""
         shared = set(NoCompass.model_fields) & set(Paper.model_fields)
-        return Paper(**{name: getattr(self, name) for name in shared - {"turn"}}, step=self.speed * self.tick)
+        no_step = self.side / 2  # these robots move by `speed`, and there are no obstacles
+        return Paper(**{name: getattr(self, name) for name in shared - {"turn"}}, step=no_step)
 
     def world(self) -> World:
         """Return this world as the team knows it in advance."""

@@ -244,7 +244,7 @@ class Paper(BaseModel):
     step: Positive = 0.1  # mean path per tick; their robot moves at 0.05 to 0.15 m/s
     turn: Sigma = 0.5  # [rad] sd of the change of direction per tick
     odometry_sigma: Sigma = 0.02  # per axis and tick
-    prior_sigma: Sigma = 0.5  # per axis, of the initial position
+    prior_sigma: Positive = 0.5  # per axis, of the initial position
 
     A: Signed = -40.0  # [dBm] at 1 m, the authors' code
     eta: Positive = 3.0  # path-loss exponent, the authors' code

@@ -21,7 +21,7 @@ from scipy.special import ndtr
 from cooploc.estimators.interface import Array, World
 from cooploc.estimators.models import Range
 from cooploc.scenarios.seeds import Purpose, generator
-from cooploc.scenarios.worlds.radio import Paper, Positive, Scene, Share, Sigma, Signed, add_memory
+from cooploc.scenarios.worlds.radio import Paper, Positive, Robots, Scene, Share, Sigma, Signed, add_memory
 
 REMEMBERED = 0.68  # share of the residual's variance that has a memory; the rest is white
 LASTS = 1.5  # [s] the time constant of that memory
@@ -30,7 +30,7 @@ LASTS = 1.5  # [s] the time constant of that memory
 class UwbArena(Paper):
     """Parameters of the world, in SI units. What is not named here is as in the radio arena."""
 
-    robots: int = 3
+    robots: Robots = 3
     range_bias: Signed = 0.32  # mean over pairs
     range_bias_sd: Sigma = 0.08  # from pair to pair
     bias: Literal["raw", "removed"] = "raw"  # removed: the mean over pairs, as measured with other radios, is taken off

@@ -1,9 +1,11 @@
 """A label becomes a scenario: its size, its trials, what the team assumes, and options of any stream."""
 
+from itertools import product
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from attempts import attempted
 from pydantic import BaseModel
 
 import cooploc as cl
@@ -155,3 +157,13 @@ def test_bad_input_is_refused_in_one_line_that_helps(label, given, words):
     with pytest.raises(cl.BadInput, match=words) as refusal:
         cl.simulate(label, **given)
     assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize("label", ["hardware/n=3", "no-compass/n=3", "uwb/n=3", "camera/n=3"])
+def test_a_world_with_an_extreme_number_is_simulated_or_refused(label):
+    defaults = resolve(label).model.model_dump()
+    numbers = [name for name, value in defaults.items() if isinstance(value, float | int)]
+    assert len(numbers) > 10
+    for name, value in product(numbers, (0, 1e-12, 1, 1e12)):
+        made = attempted(cl.simulate, label, trials=1, **{"ticks": 3, name: value})
+        assert isinstance(made, cl.BadInput) or np.isfinite(made[0].x).all(), (name, value)
