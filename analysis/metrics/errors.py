@@ -194,11 +194,17 @@ def demand_same(truth: object, run: object) -> None:
         )
 
 
+def _det(P: Array) -> Array:
+    """Return the determinants of covariances (..., d, d), also of singular and of very large ones."""
+    with np.errstate(all="ignore"):
+        return np.asarray(np.linalg.det(P))
+
+
 def _nees(e: Array, P: Array) -> Array:
     """e' P^-1 e; infinite where P is singular and e is not zero; nan where there is no P."""
     d = e.shape[-1]
     known = np.where(np.isnan(P), 0.0, P)[..., :d, :d]
-    sound = np.linalg.det(known) > 0
+    sound = _det(known) > 0
     safe = np.where(sound[..., None, None], known, np.eye(d))
     q: Array = np.einsum("...i,...i->...", e, np.linalg.solve(safe, e[..., None])[..., 0])
     q = np.where(sound | np.isnan(q), q, np.where((e == 0).all(-1), 0.0, np.inf))
@@ -212,7 +218,7 @@ def _tick_errors(truth: Truth, trace: Trace, valid: Mask) -> TickErrors:
     if d == 3:
         e[..., 2] = np.pi - np.mod(np.pi - e[..., 2], 2 * np.pi)
         pose_nees = _nees(e, trace.P)
-    det = np.linalg.det(np.where(np.isnan(trace.P), 0.0, trace.P)[..., :2, :2])
+    det = _det(np.where(np.isnan(trace.P), 0.0, trace.P)[..., :2, :2])
     side = float(np.max(truth.arena[1] - truth.arena[0]))
     beyond = ((trace.x[..., :2] < truth.arena[0]) | (trace.x[..., :2] > truth.arena[1])).any(-1)
     outside = np.where(np.isnan(d2), np.nan, beyond)

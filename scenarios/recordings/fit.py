@@ -498,8 +498,8 @@ def _rssi_model(
         A, eta, fitted, memory = fit_path_loss(found, *stated, how.robust)
     if eta < LEAST_ETA:
         raise BadInput(
-            f"run {log.name!r}: {prefix}RSSI does not fall with distance in what it is fitted on (eta = {eta:.3g}); "
-            f"check the names and places in log.toml, or state {prefix}eta in [model]"
+            f"run {log.name!r}: RSSI {'of anchors ' * bool(prefix)}does not fall with distance in what it is fitted on "
+            f"(eta = {eta:.3g}); check the names and places in log.toml, or state {prefix}eta in [model]"
         )
     sigma = how.sigma(f"{channel}_sigma", fitted, memory)
     notes = {f"{prefix}A": A, f"{prefix}eta": eta, f"{channel}_sigma": sigma, f"{channel}_lag1": memory.lag1}

@@ -87,6 +87,18 @@ def span(log: TeamLog) -> tuple[float, float]:
     return float(begin), float(end)
 
 
+def require_common_time(log: TeamLog) -> None:
+    """Refuse readings of which none lies between the first odometry and the last: their clock is another."""
+    begin, end = min(s.time[0] for s in log.odometry), max(s.time[-1] for s in log.odometry)
+    for readings in log.readings.values():
+        first, last = readings.time[[0, -1]]
+        if first > end or last < begin:
+            raise BadInput(
+                f"run {log.name!r}: {readings.source} has readings from {first:.3f} to {last:.3f} s, and odometry "
+                f"is from {begin:.3f} to {end:.3f} s; they share no time: state clock_offset [s] in that table"
+            )
+
+
 def poses(series: Series | None, at: Array, max_gap: float, headings: bool = True) -> Array:
     """Return true poses (len(at), 3) at some times [s]; nan where unknown, and headings only if asked for."""
     found = np.full((len(at), 3), np.nan)

@@ -197,6 +197,7 @@ class TeamScenario(schema.Model):
             raise BadInput(f"{self.data}: {ALL!r} is {self.count()} runs; choose one with at([0])")
         log, fit = self.folder.log(self.run), self.folder.description.fit
         begin, end = sampling.span(log)
+        sampling.require_common_time(log)
         begin += self._sample.start
         first = self._known_start(log, begin + (fit.seconds or 0.0), end)
         grid, lines = self._grid(log, first, end), self._sample.tick == "lines"
@@ -324,11 +325,14 @@ class TeamScenario(schema.Model):
     def _doubts(self) -> list[str]:
         """Return what was left out of a run while reading, and why it ranks no estimators."""
         try:
-            reasons = self.weaknesses(*self.simulate("log", [0], 0, self.world()))
+            truth, stream = self.simulate("log", [0], 0, self.world())
         except BadInput as e:
             return [str(e)]
-        weak = [f"run {self.judged_run.log.name!r} {NO_ORDER}: {'; '.join(reasons)}"] * bool(reasons)
-        return [*self.judged_run.log.warnings, *weak]
+        log, reasons = self.judged_run.log, self.weaknesses(truth, stream)
+        unused = [channel for channel, counts in stream.notes["readings"].items() if not counts["kept"]]
+        none = [f"run {log.name!r}: no {channel} reading is in the part that is judged" for channel in unused]
+        weak = [f"run {log.name!r} {NO_ORDER}: {'; '.join(reasons)}"] * bool(reasons)
+        return [*log.warnings, *none, *weak]
 
     def _describe_fit(self) -> list[str]:
         """Return how the models of a run were fitted, and their numbers but for those of single robots and pairs."""
@@ -382,9 +386,10 @@ class TeamScenario(schema.Model):
         if sample.tick == "lines":
             return grid_of_lines(log, first, first + length)
         if length < sample.tick:
+            change = "a longer duration or a smaller" if end - first > length else "a smaller start, [fit] seconds or"
             raise BadInput(
-                f"run {log.name!r} has {max(end - first, 0):.3g} s to be judged, less than a tick of {sample.tick:g} "
-                "s: choose a smaller start, [fit] seconds or tick in log.toml"
+                f"run {log.name!r} has {max(length, 0):.3g} s to be judged, less than a tick of {sample.tick:g} s: "
+                f"choose {change} tick in log.toml"
             )
         return Grid(first, sample.tick, int(length / sample.tick + 1e-6))
 

@@ -162,14 +162,17 @@ ASSUMED |= {f"{of}_sigma_range": 0.15 for of in ("sighting", "landmark")}
 ASSUMED |= {f"{of}_sigma_bearing": 0.05 for of in ("sighting", "landmark")}
 
 
-def assume_models(draft: Draft) -> Draft:
-    """Return the draft with models that are assumed, and nothing fitted."""
-    why = "assumed, as the recording is too short to be fitted on a part of it: write what is known"
-    fit = DraftTable("fit", (Entry("on", "nothing", "a part of the recording is too short"),))
-    entries = tuple(Entry(key, value, why, "perhaps") for key, value in ASSUMED.items())
+def assume_models(draft: Draft, lacking: Collection[str]) -> Draft:
+    """Return the draft with the models that are lacking assumed; if odometry's are, all are, and nothing is fitted."""
+    short = any(name in lacking for name in ("sigma_v", "sigma_omega", "sigma_move"))
+    why = "assumed, as too few are where models are fitted: write what is known, or a later end of that part"
+    if short:
+        why = "assumed, as the recording is too short to be fitted on a part of it: write what is known"
+    entries = tuple(Entry(key, value, why, "perhaps") for key, value in ASSUMED.items() if short or key in lacking)
     remarks = tuple(line for table in draft.tables if table.name == "model" for line in table.remarks)
-    kept = tuple(table for table in draft.tables if table.name not in ("fit", "model"))
-    return draft._replace(tables=(*kept, fit, DraftTable("model", entries, remarks)))
+    nothing = DraftTable("fit", (Entry("on", "nothing", "a part of the recording is too short"),))
+    kept = [nothing if short and table.name == "fit" else table for table in draft.tables if table.name != "model"]
+    return draft._replace(tables=(*kept, DraftTable("model", entries, remarks)))
 
 
 def common_span(log: TeamLog, robots: Sequence[int] | None = None) -> float:

@@ -1,5 +1,6 @@
 """The inspection of a recording, from a path to series, findings and a log.toml."""
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
@@ -118,7 +119,7 @@ def inspect_recording(path: Path, run: str = "", again: bool = False) -> Inspect
         text = draft.text(draft_toml.head_lines(path, why, draft))
         trial = try_draft(directory, schema.parse(home, text))
     if not stated and TOO_LITTLE in trial.problem:
-        draft = draft_toml.assume_models(draft)
+        draft = draft_toml.assume_models(draft, re.findall(r"\w+", trial.problem.partition(TOO_LITTLE)[2]))
         assumed = draft.text(draft_toml.head_lines(path, why, draft))
         if not (found_trial := try_draft(directory, schema.parse(home, assumed))).problem:
             text, trial = assumed, found_trial

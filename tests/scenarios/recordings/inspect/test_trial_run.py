@@ -16,6 +16,7 @@ import cooploc.inspection
 from cooploc.analysis.execution.run import prepare
 from cooploc.analysis.metrics.errors import demand_same_streams
 from cooploc.estimators.errors import BadInput
+from cooploc.scenarios import resolve
 from cooploc.scenarios.recordings import scenario
 from cooploc.scenarios.recordings.inspect import inspection
 from cooploc.scenarios.recordings.inspect.draft_toml import common_span
@@ -217,6 +218,33 @@ def test_models_of_a_recording_that_is_too_short_to_be_fitted_are_assumed(tmp_pa
     assert 'on = "nothing"' in found.log_toml
     assert "assumed, as the recording is too short" in found.log_toml
     assert cl.simulate("log/all", data=tmp_path / "team")[1].world.motion.sigma_v == 0.05
+
+
+@pytest.mark.slow
+def test_readings_by_another_clock_are_refused_until_its_offset_is_stated(tmp_path):
+    files = two_robots(seconds=60)
+    files["uwb.csv"]["time"] = files["uwb.csv"]["time"] - 1.6e9
+    found = cl.inspect(write(tmp_path / "team", files))
+    (home,) = (path for path in found.write() if path.name == "log.toml")
+    assert "share no time: state clock_offset" in found.inspected.trial.problem
+    assert "range_sigma" not in found.log_toml  # it is to be fitted once the clock is right
+    home.write_text(found.log_toml.replace("[ranges]", "[ranges]\nclock_offset = 1.6e9"))
+    assert 0.02 < cl.simulate("log/all", data=home.parent)[1].world.sensors["radio_range"].sigma < 0.1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("kept", "assumed", "said"), [(slice(150, None), 0.2, 0), (slice(90), 0.05, 1)])
+def test_of_readings_that_are_there_for_a_part_their_models_alone_are_assumed(tmp_path, kept, assumed, said):
+    files = two_robots(seconds=60)
+    files["uwb.csv"] = {name: column[kept] for name, column in files["uwb.csv"].items()}
+    found = cl.inspect(write(tmp_path / "team", files))
+    found.write()
+    assert not found.inspected.trial.problem
+    _, stream = cl.simulate("log/all", data=tmp_path / "team")
+    assert stream.world.sensors["radio_range"].sigma == pytest.approx(assumed, rel=0.3)
+    assert "first 20 s" in stream.notes["models"]["fitted_on"]
+    explained = resolve("log/all", data=tmp_path / "team").explanations()
+    assert sum("no range reading is in the part that is judged" in line for line in explained) == said
 
 
 @pytest.mark.slow
