@@ -454,7 +454,9 @@ def read_run(place: Path, name: str, description: TeamDescription) -> TeamLog:
             who = [source.nodes.get(w[0], w[0]) for w in series.names] if named[0] else [robot] * len(time)
             what = [other or mates.get(one, "") for one in who]
             what = [things.get(w[-1], w[-1]) for w in series.names] if named[1] else what
-            yield csv_files.CsvRows(topic, time[:, None], time + source.clock_offset, who, what, values)
+            yield csv_files.CsvRows(
+                topic, time[:, None], time + csv_files.clock_offsets(source, who), who, what, values
+            )
         if is_reading and not seen:
             names = source.topic or ", ".join(source.topics.values())
             warnings.append(f"{place}: none of the topics {names} is in the bag")

@@ -20,6 +20,7 @@ from cooploc.scenarios.recordings.schema import (
     Source,
     TeamDescription,
     Turns,
+    value_of,
 )
 from cooploc.scenarios.recordings.team_log import (
     Measured,
@@ -150,7 +151,13 @@ def rows_of(
         things = {**source.nodes, **getattr(source, "others", {})}
         what = [things.get(names[-1], names[-1]) if of else other for names in lines.names]
         what = what if of or other else [mates.get(one, "") for one in who]
-        yield CsvRows(path, stamp, time + source.clock_offset, who, what, values)
+        yield CsvRows(path, stamp, time + clock_offsets(source, who), who, what, values)
+
+
+def clock_offsets(source: Source, robots: Sequence[str]) -> Array | float:
+    """Return what is added to the stamps of lines of these robots (m,) [s]."""
+    offset = source.clock_offset
+    return offset if isinstance(offset, float) else np.array([value_of(offset, robot) for robot in robots], float)
 
 
 def in_si(numbers: Array, columns: Sequence[LogColumn | None]) -> Array:

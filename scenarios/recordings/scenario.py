@@ -329,10 +329,17 @@ class TeamScenario(schema.Model):
         except BadInput as e:
             return [str(e)]
         log, reasons = self.judged_run.log, self.weaknesses(truth, stream)
+        run, ticks = f"run {log.name!r}", len(stream.time)
         unused = [channel for channel, counts in stream.notes["readings"].items() if not counts["kept"]]
-        none = [f"run {log.name!r}: no {channel} reading is in the part that is judged" for channel in unused]
-        weak = [f"run {log.name!r} {NO_ORDER}: {'; '.join(reasons)}"] * bool(reasons)
-        return [*log.warnings, *none, *weak]
+        lacks = [f"{run}: no {channel} reading is in the part that is judged" for channel in unused]
+        still = zip(log.robots, stream.notes["odometry_missing"], strict=True)
+        lacks += [
+            f"{run}: {robot} has no odometry in {n} of {ticks} ticks; filters take it to stand there"
+            for robot, n in still
+            if n > ticks / 100
+        ]
+        weak = [f"{run} {NO_ORDER}: {'; '.join(reasons)}"] * bool(reasons)
+        return [*log.warnings, *lacks, *weak]
 
     def _describe_fit(self) -> list[str]:
         """Return how the models of a run were fitted, and their numbers but for those of single robots and pairs."""

@@ -21,7 +21,7 @@ file is in SI units, else `{column = "x", unit = "mm"}`:
 
     [truth]                           # files of its own, with its own clock
     file = "mocap_{robot}.csv"
-    clock_offset = 0.0                # [s] added to its stamps
+    clock_offset = 0.0                # [s] added to its stamps; in any table, or { red = -2.5 } by robots' own clocks
     x = "x"
     y = "y"
     heading = "yaw"
@@ -133,7 +133,13 @@ def check_name(name: str) -> str:
 
 
 Name = Annotated[str, AfterValidator(check_name)]
-PerRobot = float | Mapping[Name, float]
+PerRobot = float | Mapping[Name, float]  # the same for all robots, or of each by name, 0 where one is not named
+
+
+def value_of(setting: PerRobot, robot: str) -> float:
+    """Return what a setting is for a robot."""
+    return setting.get(robot, 0.0) if isinstance(setting, Mapping) else setting
+
 
 Several = BeforeValidator(lambda given: given if isinstance(given, list | tuple) else [given])  # or one by itself
 TimeColumns = Annotated[tuple[Seconds, ...], Field(min_length=1), Several]
@@ -152,7 +158,7 @@ class Source(Strict):
     time: TimeColumns = Field(default=("time",), validate_default=True)  # of CSV files; summed: seconds and nanoseconds
     robot: Number | None = None  # the column with the robot's name, where a file holds several
     nodes: Mapping[str, Name] = {}  # what the files or topics call a robot, an anchor or a landmark -> its name here
-    clock_offset: float = 0.0  # [s] added to the stamps
+    clock_offset: PerRobot = 0.0  # [s] added to the stamps: of all robots, or of each by its own clock
 
     @model_validator(mode="after")
     def _is_somewhere(self) -> Self:
@@ -249,7 +255,7 @@ class GroundTruth(Source):
     y: Metres | None = None
     heading: Angle | None = None  # counter-clockwise from x
     origin: Place | None = None  # latitude, longitude [deg] of x = y = 0, where y and x are such degrees
-    heading_offset: PerRobot = 0.0  # [rad] added to headings: of all robots, or of each by name
+    heading_offset: PerRobot = 0.0  # [rad] added to headings
     frame: Literal["as recorded", "mirrored", "swapped"] = "as recorded"  # mirrored: y downwards; swapped: x is y
     repeats: Literal["stale", "still"] = "still"  # meaning of a position that equals the one before exactly
     max_speed: Positive | None = None  # [m/s] a position that cannot be reached from the last valid one is left out
@@ -466,12 +472,12 @@ class TeamDescription(Strict):
         twice = next((name for name in names if names.count(name) > 1), None)
         if twice is not None:
             raise ValueError(f"{twice!r} is the name of two things among robots, anchors and landmarks; rename one")
-        offsets = self.truth.heading_offset if self.truth else 0.0
-        stranger = (
-            next((name for name in offsets if name not in self.robots), "") if isinstance(offsets, Mapping) else ""
-        )
-        if stranger:
-            raise ValueError(f"heading_offset in [truth] names {stranger!r}; {nearest(stranger, list(self.robots))}")
+        for table in self._sources:
+            for key in ("clock_offset", "heading_offset"):
+                offsets = getattr(table, key, 0.0)
+                named = offsets if isinstance(offsets, Mapping) else ()
+                if stranger := next((name for name in named if name not in self.robots), ""):
+                    raise ValueError(f"{key} names {stranger!r}; {nearest(stranger, list(self.robots))}")
         together = self.format == "csv" and len({(t.file, t.time) for t in self._sources}) == 1
         if self.sample.tick == "lines" and not (together and len(self.robots) == 1):
             raise ValueError('tick = "lines" takes one robot, and one CSV file that has everything of a run')

@@ -24,6 +24,7 @@ from cooploc.scenarios.recordings.schema import (
     ReadingColumns,
     SightingsTable,
     TeamDescription,
+    value_of,
 )
 from cooploc.scenarios.recordings.text_files import time_order
 
@@ -134,8 +135,7 @@ def true_poses(time: Array, poses: Array, declared: GroundTruth, robot: str) -> 
         y, heading = -y, -heading
     elif declared.frame == "swapped":
         x, y, heading = y, x, np.pi / 2 - heading
-    offset = declared.heading_offset
-    heading = heading + (offset.get(robot, 0.0) if isinstance(offset, Mapping) else offset)
+    heading = heading + value_of(declared.heading_offset, robot)
     framed = np.stack([x, y, heading], -1)  # not wrapped: degrees that were not declared must remain visible
     if declared.repeats == "stale":
         framed[1:][(np.diff(framed[:, :2], axis=0) == 0).all(-1)] = np.nan

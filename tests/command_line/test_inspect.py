@@ -21,7 +21,7 @@ def test_inspect_prints_what_is_odd_and_writes_a_page(tmp_path):
     assert "<strong>8 things to look at; its log.toml runs.</strong>" in page
     assert page.count("<h2>") == 8 + 3
     assert page.count("data:image/png;base64,") == 7 + 1  # a torn line has no picture; the whole recording has one
-    assert "[truth] clock_offset = -2.47" in page
+    assert "[truth] clock_offset = { blue = -2.47 }" in page
 
 
 @pytest.mark.slow

@@ -25,13 +25,14 @@ from cooploc.scenarios.recordings.inspect.findings import (
     unit_of_ratio,
 )
 from cooploc.scenarios.recordings.inspect.reading_checks import (
+    SHARPER,
     check_bearings,
     check_biases,
     check_delays,
     check_names,
     check_range_units,
 )
-from cooploc.scenarios.recordings.team_log import TeamLog
+from cooploc.scenarios.recordings.team_log import Channel, ReadingSeries, TeamLog
 
 
 def check_recording(log: TeamLog) -> CheckedLog:
@@ -208,6 +209,8 @@ def check_standstill(c: CheckedLog, i: int) -> None:
 
 LONGEST_SHIFT = 60.0  # [s]
 FITS = 0.5  # correlation from which odometry fits a truth
+BETWEEN: tuple[Channel, ...] = ("range", "sighting")  # channels of ranges between robots
+SAME_CLOCK = 0.2  # [s] shifts of robots that differ by more are of their own clocks
 OWN = 0.8  # correlation from which a truth is the robot's own, without comparing it with the others'
 EVIDENCE = 5.0  # standard errors that a shift, or a scale, must have
 
@@ -237,6 +240,7 @@ def check_clocks(c: CheckedLog) -> None:
         if (other := truths[j]) is not None:
             c.correct("truth", i, other)
             own[i] = _best_fit(motions[i], motions[j].truth)
+    shifts = dict[int, tuple[float, str, str]]()  # robot -> shift [s], what shows it, how sure that is
     for i in range(len(robots)):
         m = motion.robot_motion(c.log, i)
         t, wheels, apart, fit = m.truth.time, m.odometry.time, 0.0, own.get(i)
@@ -245,6 +249,7 @@ def check_clocks(c: CheckedLog) -> None:
             fit = _best_fit(m, m.truth._replace(time=t - apart))
         if fit is None or not len(t):
             continue
+        shifts[i] = 0.0, "", ""
         if not apart:
             interval = max(float(np.median(np.diff(stamps))) for stamps in (wheels, t))
             least = max(0.05, 1.5 * interval)
@@ -253,12 +258,49 @@ def check_clocks(c: CheckedLog) -> None:
                 fit = _best_fit(m, moving)  # a truth that was frozen for a while fits best where that is left out
             if not _shows_shift(fit, least):
                 continue
-        shift = apart + fit.shift
-        fact = f"the truth's stamps are {shift:+.4g} s from odometry's (correlation {fit.correlation:.2f}"
-        fact += " once both begin together)" if apart else f"; {fit.unshifted:.2f} without the shift)"
-        sure, offset = "sure" if fit.correlation > 0.7 else "likely", f"{-shift:{'.12g' if apart else '.4g'}}"
-        c.add("clock", i, m.poses.source, fact, sure, f"clock_offset = {offset}", "truth")
-        c.correct("truth", i, m.poses._replace(time=t - shift))
+        shown = f"(correlation {fit.correlation:.2f}"
+        shown += " once both begin together)" if apart else f"; {fit.unshifted:.2f} without the shift)"
+        shifts[i] = apart + fit.shift, shown, "sure" if fit.correlation > 0.7 else "likely"
+    _report_shifts(c, shifts)
+
+
+def _report_shifts(c: CheckedLog, shifts: Mapping[int, tuple[float, str, str]]) -> None:
+    """Report shifts of robots' truths against their odometry: of the truth's clock, or of the robots' own.
+
+    It is the robots' if, with them corrected, ranges between robots follow the distances much better.
+    """
+    log, by_robot = c.log, {i: shift for i, (shift, _, _) in shifts.items() if shift}
+    differ = len(shifts) > 1 and np.ptp([shift for shift, _, _ in shifts.values()]) > SAME_CLOCK
+    truths = tuple(s and s._replace(time=s.time - by_robot.get(i, 0.0)) for i, s in enumerate(log.truth))
+    later = {channel: _on_own_clocks(r, by_robot) for channel, r in log.readings.items()}
+    of_robots, of_truth = (
+        sum(motion.range_spread(one, channel, 0.0) for channel in BETWEEN if channel in later)
+        for one in (log._replace(readings=later), log._replace(truth=truths))
+    )
+    own = differ and of_robots < SHARPER * of_truth
+    digits = ".4g" if max(map(abs, by_robot.values()), default=0.0) < 1000 else ".12g"
+    offsets = ", ".join(f"{log.robots[i]} = {shift if own else -shift:{digits}}" for i, shift in by_robot.items())
+    tables = ", ".join(dict.fromkeys(f"[{motion.TABLES.get(channel, 'rssi')}]" for channel in log.readings))
+    for i, (shift, shown, sure) in ((i, one) for i, one in shifts.items() if i in by_robot):
+        fact = f"the truth's stamps are {shift:+.4g} s from odometry's {shown}"
+        setting = f"clock_offset = {{ {offsets} }}" if differ else f"clock_offset = {-shift:{digits}}"
+        if own:
+            odometry = log.odometry[i]
+            c.add("clock", i, odometry.source, fact, sure, f"{setting}, also in {tables}", "odometry")
+            c.correct("odometry", i, odometry._replace(time=odometry.time + shift))
+        elif truth := truths[i]:
+            c.add("clock", i, truth.source, fact, sure, setting, "truth")
+            c.correct("truth", i, truth)
+    for channel in later if own else ():
+        c.correct(channel, None, later[channel])
+
+
+def _on_own_clocks(readings: ReadingSeries, shifts: Mapping[int, float]) -> ReadingSeries:
+    """Return readings with the shift of the robot that took them added to their stamps."""
+    of_each = np.array([shifts.get(i, 0.0) for i in range(1 + int(np.max(readings.robot)))])
+    time, robot, other, values, source = readings._replace(time=readings.time + of_each[readings.robot])
+    order = np.argsort(time, kind="stable")
+    return ReadingSeries(time[order], robot[order], other[order], values[order], source)
 
 
 def check_clock_of_turns(c: CheckedLog, i: int) -> None:

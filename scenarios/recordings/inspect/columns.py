@@ -269,7 +269,7 @@ def _guess(table: CsvTable, column: str, file_side: str) -> Guess:
         unknown = "w beside x and y: part of a quaternion, or a heading"
     elif quantity in NAMES and ((values < -1) | (values != np.rint(values))).any():  # -1 is of none
         unknown = f"its name says {quantity}, but its values are negative or not whole"
-    elif quantity in ("time", "sec") and len(values) > 1 and 0.3 < (change < 0).mean() < 1:
+    elif quantity in ("time", "sec") and len(change) and 0.3 < (change < 0).mean() < 1 and _falls(table, values):
         unknown = f"its name says {quantity}, but its values fall"
     elif quantity == "time" and len(values) > 10 > 2 * len({*values.tolist()}):
         unknown = f"{values[0]:.10g} and hardly another: it was written with too few digits"
@@ -289,6 +289,13 @@ def _guess(table: CsvTable, column: str, file_side: str) -> Guess:
     if quantity == "heading" and naming.is_clockwise(column):
         unit, why = f"-{unit}", f"{why}; of a compass: clockwise from north"
     return Guess(column, quantity, unit, side or file_side, reason + (f"; {why}" if why else ""))
+
+
+def _falls(table: CsvTable, values: Array) -> bool:
+    """Return whether values often fall also from a line to the next one by the same robot, if lines name a robot."""
+    names = (words for name, words in table.columns.items() if naming.name_meaning(name)[0] == "robot")
+    order = np.argsort(np.asarray(next(names, np.zeros(len(values)))), kind="stable")
+    return bool((np.diff(values[order]) < 0).mean() > 0.3)
 
 
 def no_reading(values: Array, far: float = 1.5) -> float:

@@ -27,7 +27,7 @@ def test_eight_deliberate_glitches_are_each_named_and_stand_in_log_toml(tmp_path
     assert dict(zip(table["kind"], table["robot"], strict=True)) == wanted
     text = cl.inspect(tmp_path / "team").log_toml
     truth = text[text.index("[truth]") : text.index("[ranges]")]
-    for line in ("clock_offset = -2.", 'unit = "mm"', 'frame = "swapped"', "max_speed ="):
+    for line in ("clock_offset = { blue = -2.", 'unit = "mm"', 'frame = "swapped"', "max_speed ="):
         assert line in truth
 
 

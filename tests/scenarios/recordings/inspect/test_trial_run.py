@@ -1,6 +1,7 @@
 """Every drafted log.toml runs: of whole recordings, and with robots that are missing or late."""
 
 import os
+import re
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -233,6 +234,31 @@ def test_readings_by_another_clock_are_refused_until_its_offset_is_stated(tmp_pa
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(("late", "table"), [((), "truth"), (("odom_red.csv", "uwb.csv"), "odometry")])
+def test_a_robot_with_a_clock_of_its_own_is_told_from_a_truth_with_another(tmp_path, late, table):
+    files = two_robots(seconds=60)
+    for name in late or ("truth_red.csv",):
+        time = files[name]["time"]
+        files[name]["time"] = np.where(files[name].get("from", "red") == "red", time + 4.0, time)
+    found = cl.inspect(write(tmp_path / "team", files))
+    (clock,) = (one for one in found.inspected.findings if one.kind == "clock")
+    assert (clock.robot, clock.table) == ("red", table)
+    setting = re.match("clock_offset = { red = (.*) }", clock.setting)
+    assert float(setting[1]) == pytest.approx(-4.0, abs=0.1)
+    assert ("also in [ranges]" in clock.setting) == bool(late)
+    text = found.log_toml
+    for of in (table, "ranges") if late else (table,):
+        text = text.replace(f"\n[{of}]\n", f"\n[{of}]\n{setting[0]}\n")
+    (tmp_path / "team/log.toml").write_text(text)
+    cl.inspect(write(tmp_path / "clean", two_robots(seconds=60))).write()
+    corrected, clean = (
+        cl.simulate("log/all", data=tmp_path / folder)[1].world.sensors["radio_range"].sigma
+        for folder in ("team", "clean")
+    )
+    assert corrected == pytest.approx(clean, rel=0.1)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize(("kept", "assumed", "said"), [(slice(150, None), 0.2, 0), (slice(90), 0.05, 1)])
 def test_of_readings_that_are_there_for_a_part_their_models_alone_are_assumed(tmp_path, kept, assumed, said):
     files = two_robots(seconds=60)
@@ -245,6 +271,15 @@ def test_of_readings_that_are_there_for_a_part_their_models_alone_are_assumed(tm
     assert "first 20 s" in stream.notes["models"]["fitted_on"]
     explained = resolve("log/all", data=tmp_path / "team").explanations()
     assert sum("no range reading is in the part that is judged" in line for line in explained) == said
+
+
+@pytest.mark.slow
+def test_a_run_says_where_a_robot_has_no_odometry(tmp_path):
+    files = two_robots(seconds=60)
+    files["odom_red.csv"] = {name: np.delete(column, slice(250, 400)) for name, column in files["odom_red.csv"].items()}
+    cl.inspect(write(tmp_path / "team", files)).write()
+    (line,) = (one for one in resolve("log/all", data=tmp_path / "team").explanations() if "no odometry in" in one)
+    assert re.search(r"red has no odometry in 1\d\d of 39\d ticks; filters take it to stand there", line)
 
 
 @pytest.mark.slow
