@@ -30,6 +30,7 @@ from cooploc.scenarios.recordings.inspect.reading_checks import (
     check_biases,
     check_delays,
     check_names,
+    check_places,
     check_range_units,
 )
 from cooploc.scenarios.recordings.team_log import Channel, ReadingSeries, TeamLog
@@ -55,6 +56,7 @@ def check_recording(log: TeamLog) -> CheckedLog:
     check_range_units(c)
     check_robots(check_compass_frame if log.odometry_kind == "displacement" else check_frame, check_sideways)
     check_delays(c)
+    check_places(c)
     check_names(c)
     check_biases(c)
     check_bearings(c)

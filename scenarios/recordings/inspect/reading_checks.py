@@ -1,9 +1,13 @@
 """Checks of readings against the truth: units, clocks and biases of ranges, directions of bearings."""
 
 from functools import partial
+from typing import Any
 
 import numpy as np
+from scipy.optimize import least_squares
 
+from cooploc.estimators.interface import Array
+from cooploc.scenarios.recordings import sampling, team_log
 from cooploc.scenarios.recordings.inspect import motion
 from cooploc.scenarios.recordings.inspect.findings import (
     FOLLOWS,
@@ -52,6 +56,75 @@ def check_delays(c: CheckedLog) -> None:
             fact += f", and by {spread(shift):.2g} m without that"
             c.add("clock", None, readings.source, fact, "likely", f"clock_offset = {shift:.3g}", motion.TABLES[channel])
             c.correct(channel, None, readings._replace(time=readings.time + shift))
+
+
+MOVED, DEVIATIONS = 0.3, 5.0  # [m] and standard errors that a place must be from the stated one
+OFFSET = 0.3  # [m] that ranges are usually too long
+VAGUE = 0.5  # [m] ranges that are so far off any place say nothing of it
+SOME = 2000  # readings that a place is fitted on, at most
+
+
+def check_places(c: CheckedLog) -> None:
+    """Find anchors and landmarks that are elsewhere: ranges follow the distance of another place much better."""
+    for channel, readings in motion.range_channels(c.log):
+        fixed = team_log.fixed_places(c.log, channel)
+        if fixed is None:
+            continue
+        here, _ = sampling.ends(c.log, channel, headings=False)
+        known, moved, facts = np.isfinite(here[:, :2]).all(axis=1), fixed.positions.copy(), []
+        for k, name in enumerate(fixed.names):
+            rows = np.flatnonzero(known & (readings.other == k))
+            rows = rows[:: 1 + len(rows) // SOME]
+            if len(rows) < motion.FEWEST:
+                continue
+            ranges, stated = readings.values[rows, 0], fixed.positions[k]
+            off = motion.robust_sd(ranges - np.hypot(*(here[rows, :2] - stated).T))
+            place, error, rest = fit_place(here[rows, :2], ranges, stated)
+            apart = float(np.hypot(*(place - stated)))
+            if rest < min(SHARPER * off, VAGUE) and apart > max(MOVED, DEVIATIONS * error):
+                moved[k] = place
+                facts.append(f"{name} {apart:.2g} m away (they are {rest:.2g} m off there, and {off:.2g} m here)")
+        if facts:
+            table = "landmarks" if channel == "landmark" else "anchors"
+            more = f" and {len(facts) - 4} more" * (len(facts) > 4)
+            fact = (
+                f"ranges fit other places than stated: {', '.join(facts[:4])}{more}; is their frame that of the truth?"
+            )
+            there = ", ".join(f"{name} = [{x:.2f}, {y:.2f}]" for name, (x, y) in zip(fixed.names, moved, strict=True))
+            c.add("places", None, readings.source, fact, "likely", f"places = {{ {there} }}", table)
+            there_are = fixed._replace(positions=moved)
+            c.log = c.log._replace(landmarks=there_are) if table == "landmarks" else c.log._replace(anchors=there_are)
+
+
+def fit_place(here: Array, ranges: Array, stated: Array) -> tuple[Array, float, float]:
+    """Return the place (2,) [m] that ranges from positions (m, 2) fit, its standard error, and how far off they are.
+
+    They may be too long by a constant. Starts are the stated place, the solution of |p|^2 - r^2 = 2 p'q - |q|^2, and
+    the best one's mirror image across the line of the positions. The error is infinite where two places fit.
+    """
+
+    def off(s: Array) -> Array:
+        return np.asarray(np.hypot(*(here - s[:2]).T) + s[2] - ranges)
+
+    def residuals(s: Array) -> Array:
+        return np.append(off(s), s[2] * BIAS / OFFSET)
+
+    def fit(start: Array) -> Any:
+        return least_squares(residuals, [*start, 0.0], loss="soft_l1", f_scale=BIAS)
+
+    middle, along = here.mean(0), np.linalg.svd(here - here.mean(0), full_matrices=False)[2][0]
+    linear = np.linalg.lstsq(np.column_stack([2 * here, -np.ones(len(here))]), (here**2).sum(1) - ranges**2)[0]
+    fits = [fit(stated), fit(linear[:2])]
+    best = min(fits, key=lambda one: one.cost)
+    fits.append(fit(middle + 2 * along * ((best.x[:2] - middle) @ along) - (best.x[:2] - middle)))
+    best = min(fits, key=lambda one: one.cost)
+    rest = motion.robust_sd(off(best.x))
+    known = float(np.linalg.eigvalsh(best.jac.T @ best.jac)[0])
+    error = max(rest, BIAS) / np.sqrt(known) if known > 0 else np.inf
+    twice = any(
+        np.hypot(*(one.x[:2] - best.x[:2])) > MOVED and motion.robust_sd(off(one.x)) < rest / SHARPER for one in fits
+    )
+    return np.asarray(best.x[:2]), np.inf if twice else error, rest
 
 
 def check_biases(c: CheckedLog) -> None:

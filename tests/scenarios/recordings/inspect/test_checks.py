@@ -1,6 +1,7 @@
 """What is odd about a recording is found, and nothing where nothing is; on simulated teams whose truth is known."""
 
 import re
+import tomllib
 
 import numpy as np
 import pytest
@@ -107,6 +108,11 @@ def of_map(log):
     return log._replace(readings={**log.readings, "sighting": seen._replace(values=turned)})
 
 
+def turned_survey(log):
+    places = log.landmarks.positions @ [[0.8, 0.6], [-0.6, 0.8]] + [1.0, -2.0]
+    return log._replace(landmarks=log.landmarks._replace(positions=places))
+
+
 RANGES, DEGREES = ("range", "sighting"), 180 / np.pi
 COMPASS = series("truth", 1, lambda t, v: (t, np.column_stack([v[:, :2], np.pi / 2 - v[:, 2]])))
 # fault -> (kind of the finding, robot whose data it is or "", a world where it can be seen, how it is planted)
@@ -179,6 +185,20 @@ def test_the_corrected_recording_is_the_clean_one_and_the_original_is_not_change
     before = log.truth[1].values.copy()
     np.testing.assert_allclose(check_recording(log).log.truth[1].values, clean.truth[1].values)
     np.testing.assert_array_equal(log.truth[1].values, before)
+
+
+@pytest.mark.parametrize("seed", [3, 4, 6])
+def test_places_that_ranges_fit_are_those_before_they_were_moved(seed):
+    clean = team_log("camera", seed)
+    moved = turned_survey(clean)
+    (found,) = (one for one in findings(moved) if one.kind == "places")
+    places = tomllib.loads(found.setting)["places"]
+    assert [*places] == [*clean.landmarks.names]
+    there = np.array([*places.values()])
+    said = np.array([f"{name} " in found.fact for name in places])
+    assert said.any()
+    np.testing.assert_allclose(there[said], clean.landmarks.positions[said], atol=0.3)
+    np.testing.assert_allclose(there[~said], moved.landmarks.positions[~said], atol=0.01)
 
 
 def test_a_robot_without_truth_and_one_that_stands_are_no_findings():
