@@ -299,7 +299,7 @@ def _report_shifts(c: CheckedLog, shifts: Mapping[int, tuple[float, str, str]]) 
 
 def _on_own_clocks(readings: ReadingSeries, shifts: Mapping[int, float]) -> ReadingSeries:
     """Return readings with the shift of the robot that took them added to their stamps."""
-    of_each = np.array([shifts.get(i, 0.0) for i in range(1 + int(np.max(readings.robot)))])
+    of_each = np.array([shifts.get(i, 0.0) for i in range(1 + int(np.max(readings.robot, initial=0)))])
     time, robot, other, values, source = readings._replace(time=readings.time + of_each[readings.robot])
     order = np.argsort(time, kind="stable")
     return ReadingSeries(time[order], robot[order], other[order], values[order], source)
