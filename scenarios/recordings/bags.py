@@ -455,7 +455,7 @@ def read_run(place: Path, name: str, description: TeamDescription) -> TeamLog:
             what = [other or mates.get(one, "") for one in who]
             what = [things.get(w[-1], w[-1]) for w in series.names] if named[1] else what
             yield csv_files.CsvRows(
-                topic, time[:, None], time + csv_files.clock_offsets(source, who), who, what, values
+                topic, time[:, None], time + schema.values_of(source.clock_offset, who), who, what, values
             )
         if is_reading and not seen:
             names = source.topic or ", ".join(source.topics.values())

@@ -20,7 +20,7 @@ from cooploc.scenarios.recordings.schema import (
     Source,
     TeamDescription,
     Turns,
-    value_of,
+    values_of,
 )
 from cooploc.scenarios.recordings.team_log import (
     Measured,
@@ -151,13 +151,7 @@ def rows_of(
         things = {**source.nodes, **getattr(source, "others", {})}
         what = [things.get(names[-1], names[-1]) if of else other for names in lines.names]
         what = what if of or other else [mates.get(one, "") for one in who]
-        yield CsvRows(path, stamp, time + clock_offsets(source, who), who, what, values)
-
-
-def clock_offsets(source: Source, robots: Sequence[str]) -> Array | float:
-    """Return what is added to the stamps of lines of these robots (m,) [s]."""
-    offset = source.clock_offset
-    return offset if isinstance(offset, float) else np.array([value_of(offset, robot) for robot in robots], float)
+        yield CsvRows(path, stamp, time + values_of(source.clock_offset, who), who, what, values)
 
 
 def in_si(numbers: Array, columns: Sequence[LogColumn | None]) -> Array:
@@ -246,8 +240,8 @@ def read_measurements(run: RunFiles, table: ReadingColumns, names: Sequence[str]
         if not stamped.all():
             left_out = f"left out {count_of(int((~stamped).sum()), 'line')} without a stamp"
             run.warnings.append(f"{rows.path}: {left_out}")
-        values = without_missing(table, rows.values[stamped])
         robots, others = ([n for n, s in zip(of, stamped, strict=True) if s] for of in (rows.robot, rows.other))
+        values = without_missing(table, rows.values[stamped], robots)
         m = max(len(each), 1)
         yield Measured(
             np.repeat(rows.time[stamped], m),

@@ -39,14 +39,16 @@ The runs of one robot may be a file each, `file = "{run}.csv"`; `wifi.log.toml` 
 import math
 import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self
 
+import numpy as np
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
 from cooploc.estimators import nearest
 from cooploc.estimators.errors import BadInput, plain_words
+from cooploc.estimators.interface import Array
 from cooploc.estimators.robust import Loss
 from cooploc.scenarios.worlds.radio import Positive
 
@@ -136,9 +138,11 @@ Name = Annotated[str, AfterValidator(check_name)]
 PerRobot = float | Mapping[Name, float]  # the same for all robots, or of each by name, 0 where one is not named
 
 
-def value_of(setting: PerRobot, robot: str) -> float:
-    """Return what a setting is for a robot."""
-    return setting.get(robot, 0.0) if isinstance(setting, Mapping) else setting
+def values_of(setting: PerRobot, robots: Sequence[str]) -> Array:
+    """Return what a setting is for robots (m,)."""
+    if isinstance(setting, Mapping):
+        return np.array([setting.get(robot, 0.0) for robot in robots], float)
+    return np.full(len(robots), setting)
 
 
 Several = BeforeValidator(lambda given: given if isinstance(given, list | tuple) else [given])  # or one by itself
@@ -315,7 +319,7 @@ class SightingsTable(ReadingColumns):
     bearing: Angle | None = None
     x: Metres | None = None
     y: Metres | None = None
-    bearing_offset: float = 0.0  # [rad] added to bearings, as of a camera that looks aside
+    bearing_offset: PerRobot = 0.0  # [rad] added to bearings, as of a camera that looks aside
 
     @property
     def columns(self) -> tuple[str, ...]:  # type: ignore[override]
@@ -473,7 +477,7 @@ class TeamDescription(Strict):
         if twice is not None:
             raise ValueError(f"{twice!r} is the name of two things among robots, anchors and landmarks; rename one")
         for table in self._sources:
-            for key in ("clock_offset", "heading_offset"):
+            for key in ("clock_offset", "heading_offset", "bearing_offset"):
                 offsets = getattr(table, key, 0.0)
                 named = offsets if isinstance(offsets, Mapping) else ()
                 if stranger := next((name for name in named if name not in self.robots), ""):

@@ -24,7 +24,7 @@ from cooploc.scenarios.recordings.schema import (
     ReadingColumns,
     SightingsTable,
     TeamDescription,
-    value_of,
+    values_of,
 )
 from cooploc.scenarios.recordings.text_files import time_order
 
@@ -135,7 +135,7 @@ def true_poses(time: Array, poses: Array, declared: GroundTruth, robot: str) -> 
         y, heading = -y, -heading
     elif declared.frame == "swapped":
         x, y, heading = y, x, np.pi / 2 - heading
-    heading = heading + value_of(declared.heading_offset, robot)
+    heading = heading + values_of(declared.heading_offset, [robot])
     framed = np.stack([x, y, heading], -1)  # not wrapped: degrees that were not declared must remain visible
     if declared.repeats == "stale":
         framed[1:][(np.diff(framed[:, :2], axis=0) == 0).all(-1)] = np.nan
@@ -284,12 +284,12 @@ def build_log(
     return TeamLog(name, robots, of, moved, tuple(poses), readings, landmarks, anchors, tuple(notes))
 
 
-def without_missing(table: ReadingColumns, values: Array) -> Array:
-    """Return values with nan in place of those that stand for no reading; of sightings range and bearing."""
+def without_missing(table: ReadingColumns, values: Array, robots: Sequence[str]) -> Array:
+    """Return values (m, k) by robots (m,), nan where they stand for no reading; of sightings range and bearing."""
     if isinstance(table, SightingsTable):
         if table.columns == ("x", "y"):
             values = np.stack([np.hypot(*values.T), np.arctan2(*values.T[::-1])], -1)
-        return np.add(values, [0.0, table.bearing_offset])
+        return values + np.stack([np.zeros(len(values)), values_of(table.bearing_offset, robots)], -1)
     limit, least = getattr(table, "missing_from", None), getattr(table, "missing_below", -np.inf)
     return values if limit is None else np.where((values >= limit) | (values < least), np.nan, values)
 

@@ -5,6 +5,7 @@ turn or mirroring of a frame changes. Then clocks; then frames and headings. A f
 comes from the truth, which would otherwise reach the estimators that are judged by that same truth.
 """
 
+import re
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
@@ -55,6 +56,7 @@ def check_recording(log: TeamLog) -> CheckedLog:
     check_robots(check_stale, check_jumps)
     check_range_units(c)
     check_robots(check_compass_frame if log.odometry_kind == "displacement" else check_frame, check_sideways)
+    _join_heading_offsets(c)
     check_delays(c)
     check_places(c)
     check_names(c)
@@ -540,6 +542,13 @@ def check_sideways(c: CheckedLog, i: int) -> None:
         )
         setting = 'of steps kind = "displacement", without turn; else write poses with the heading of the motion'
         c.add("frame", i, odometry.source, fact, "likely", setting, "odometry")
+
+
+def _join_heading_offsets(c: CheckedLog) -> None:
+    """Write the offsets of all robots' headings into one setting, as a file has it once."""
+    joint, each = re.compile(r"(?<=heading_offset = \{ ).*(?= \})"), [f for f in c.findings if f.kind == "heading"]
+    offsets = ", ".join(found[0] for f in each if (found := joint.search(f.setting)))
+    c.findings = [f._replace(setting=joint.sub(offsets, f.setting)) if f in each else f for f in c.findings]
 
 
 def check_compass_frame(c: CheckedLog, i: int) -> None:

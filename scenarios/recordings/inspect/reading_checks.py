@@ -200,10 +200,11 @@ def check_bearings(c: CheckedLog) -> None:
             readings = divide_columns(readings, 180 / np.pi, (1,))
             c.correct(channel, None, readings)
         bearing = readings.values[:, 1]
-        (follows, offset), (opposes, _) = (
-            motion.concentration(bearing - expected),
-            motion.concentration(bearing + expected),
-        )
+        off, (opposes, _) = bearing - expected, motion.concentration(bearing + expected)
+        follows, offset = motion.concentration(off)
+        of_each = dict(enumerate(motion.concentration(off[readings.robot == i]) for i in range(len(c.log.robots))))
+        aside = {i: angle for i, (agrees, angle) in of_each.items() if agrees > FOLLOWS}
+        differ = len(aside) > 1 and np.ptp(np.unwrap([*aside.values()])) > CAMERA_OFFSET
         if opposes > max(FOLLOWS, follows + 0.1) and motion.concentration(expected)[0] < 0.95:
             fact = f"bearings grow to the right (agreement {opposes:.2f}, {follows:.2f} to the left)"
             c.add("bearing", None, readings.source, fact, "sure", 'unit = "-rad" (or "-deg")', *place)
@@ -211,6 +212,12 @@ def check_bearings(c: CheckedLog) -> None:
         elif follows < FOLLOWS < (agrees := motion.concentration(bearing - motion.bearings(c.log, channel, True))[0]):
             fact = f"bearings are from the x axis of the map, not from straight ahead (agreement {agrees:.2f})"
             c.add("bearing", None, readings.source, fact, "sure", "subtract the heading in the files", *place)
+        elif differ:
+            apart = {c.log.robots[i]: angle for i, angle in aside.items() if abs(angle) > CAMERA_OFFSET / 3}
+            each = ", ".join(f"{robot} {np.degrees(angle):+.0f} deg" for robot, angle in apart.items())
+            offsets = ", ".join(f"{robot} = {-angle:.3g}" for robot, angle in apart.items())
+            fact, setting = f"bearings are off the true directions: {each}", f"bearing_offset = {{ {offsets} }}"
+            c.add("bearing", None, readings.source, fact, "likely", setting, "sightings")
         elif follows > FOLLOWS and abs(offset) > CAMERA_OFFSET:
             degrees = np.degrees(offset)
             fact = f"bearings are {degrees:+.0f} deg from the true directions (agreement {follows:.2f})"

@@ -108,6 +108,11 @@ def of_map(log):
     return log._replace(readings={**log.readings, "sighting": seen._replace(values=turned)})
 
 
+def aside(r):
+    """The camera of the third robot looks 30 degrees to the left."""
+    return r.values - np.outer(r.robot == 2, [0.0, np.pi / 6])
+
+
 def turned_survey(log):
     places = log.landmarks.positions @ [[0.8, 0.6], [-0.6, 0.8]] + [1.0, -2.0]
     return log._replace(landmarks=log.landmarks._replace(positions=places))
@@ -134,6 +139,7 @@ FAULTS = {
     "bearings in degrees": ("degrees", "", "camera", readings(RANGES, "values", lambda r: r.values * [1, DEGREES])),
     "bearings to the right": ("bearing", "", "camera", readings(RANGES, "values", lambda r: r.values * [1, -1])),
     "bearings of the map": ("bearing", "", "camera", of_map),
+    "a camera aside": ("bearing", "", "camera", readings(RANGES[1:], "values", aside)),
     "stale positions": ("stale", "r1", "trajectory", series("truth", 1, repeat)),
     "a leap": ("jump", "r1", "trajectory", series("truth", 1, leap)),
     "a gap": ("gap", "r1", "trajectory", series("truth", 1, gap)),
@@ -185,6 +191,17 @@ def test_the_corrected_recording_is_the_clean_one_and_the_original_is_not_change
     before = log.truth[1].values.copy()
     np.testing.assert_allclose(check_recording(log).log.truth[1].values, clean.truth[1].values)
     np.testing.assert_array_equal(log.truth[1].values, before)
+
+
+def test_offsets_of_single_robots_are_one_setting_by_name():
+    log = team_log("camera", 2)
+    (camera,) = findings(FAULTS["a camera aside"][3](log))
+    assert re.fullmatch(r"bearing_offset = { r2 = 0\.5\d+ }", camera.setting)
+    for robot, offset in ((0, 0.7), (2, -1.2)):
+        log = series("truth", robot, lambda t, v, by=offset: (t, np.add(v, [0.0, 0.0, by])))(log)
+    settings = {f.setting for f in findings(log) if f.kind == "heading"}
+    assert len(settings) == 1
+    assert re.search(r"heading_offset = { r0 = -0\.[67]\d*, r2 = 1\.[12]\d* }", settings.pop())
 
 
 @pytest.mark.parametrize("seed", [3, 4, 6])
