@@ -175,7 +175,8 @@ def dead_reckoned(log: TeamLog, robot: int) -> Array | None:
         return np.asarray(odometry.place[begin:] - odometry.place[begin] + start[:2])
     first = start[2]
     if np.isnan(first):
-        places = motion.truth.place[np.searchsorted(t, np.arange(t[0], t[-1], motion.window))]
+        windows = np.arange(t[0], t[-1], motion.window)  # by rounding, the last may begin after the end
+        places = motion.truth.place[np.searchsorted(t, windows).clip(max=len(t) - 1)]
         directions = course(np.diff(places, axis=0))
         first = next(iter(directions[np.isfinite(directions)]), 0.0)
     heading = odometry.turn[begin:] - odometry.turn[begin] + first

@@ -234,6 +234,14 @@ def test_dead_reckoning_without_noise_is_the_truth():
     np.testing.assert_allclose(found, truth[:, :2], atol=1e-9)
 
 
+def test_dead_reckoning_without_headings_ends_with_the_last_of_regular_stamps():
+    log = team_log("no-compass", 6, ticks=95)
+    stamps = 1.7e9 + 1012.5 + 0.1 * np.arange(95)
+    odometry, truth = (tuple(s._replace(time=stamps) for s in every) for every in (log.odometry, log.truth))
+    truth = tuple(s._replace(values=s.values * [1, 1, np.nan]) for s in truth)
+    assert np.isfinite(dead_reckoned(log._replace(odometry=odometry, truth=truth), 0)).all()
+
+
 def test_rows_and_counts_are_those_of_the_series():
     log = team_log("camera", 7)
     rows = {(row.series, row.of): row for row in series_rows(log)}
