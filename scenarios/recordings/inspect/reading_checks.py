@@ -145,7 +145,8 @@ def check_biases(c: CheckedLog) -> None:
         if found:
             fact = "ranges minus distances, medians: " + ", ".join(f"{pair} {b:+.2f} m" for pair, b in found.items())
             key, typical = BIAS_KEYS.get(channel), np.median(list(found.values()))
-            setting = f"{key} = {typical:.2f}" if key else "calibrate the camera"
+            setting = f"nothing: that of each pair is fitted; where nothing is, {key} = {typical:.2f} for all"
+            setting = setting if key else "calibrate the camera"
             c.add("bias", None, readings.source, fact, "sure", setting, "model")
 
 
