@@ -87,9 +87,7 @@ def check_places(c: CheckedLog) -> None:
         if facts:
             table = "landmarks" if channel == "landmark" else "anchors"
             more = f" and {len(facts) - 4} more" * (len(facts) > 4)
-            fact = (
-                f"ranges fit other places than stated: {', '.join(facts[:4])}{more}; is their frame that of the truth?"
-            )
+            fact = f"ranges fit other places, as if surveyed in another frame: {', '.join(facts[:4])}{more}"
             there = ", ".join(f"{name} = [{x:.2f}, {y:.2f}]" for name, (x, y) in zip(fixed.names, moved, strict=True))
             c.add("places", None, readings.source, fact, "likely", f"places = {{ {there} }}", table)
             there_are = fixed._replace(positions=moved)
