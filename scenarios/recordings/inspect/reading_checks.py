@@ -199,12 +199,13 @@ def check_bearings(c: CheckedLog) -> None:
             readings = divide_columns(readings, 180 / np.pi, (1,))
             c.correct(channel, None, readings)
         bearing = readings.values[:, 1]
-        off, (opposes, _) = bearing - expected, motion.concentration(bearing + expected)
+        off, opposes = bearing - expected, motion.concentration(bearing + expected)[0]
         follows, offset = motion.concentration(off)
-        of_each = dict(enumerate(motion.concentration(off[readings.robot == i]) for i in range(len(c.log.robots))))
-        aside = {i: angle for i, (agrees, angle) in of_each.items() if agrees > FOLLOWS}
+        of_each = [motion.concentration(off[readings.robot == i]) for i in range(len(c.log.robots))]
+        aside = {i: angle for i, (agrees, angle) in enumerate(of_each) if agrees > FOLLOWS}
         differ = len(aside) > 1 and np.ptp(np.unwrap([*aside.values()])) > CAMERA_OFFSET
-        if opposes > max(FOLLOWS, follows + 0.1) and motion.concentration(expected)[0] < 0.95:
+        ahead = motion.concentration(off - np.array([angle for _, angle in of_each])[readings.robot])[0]
+        if opposes > FOLLOWS and np.log(opposes) > SHARPER**2 * np.log(max(ahead, follows, 1e-9)):  # -2 log R: spread^2
             fact = f"bearings grow to the right (agreement {opposes:.2f}, {follows:.2f} to the left)"
             c.add("bearing", None, readings.source, fact, "sure", 'unit = "-rad" (or "-deg")', *place)
             c.correct(channel, None, divide_columns(readings, -1.0, (1,)))

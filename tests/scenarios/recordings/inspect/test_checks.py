@@ -178,11 +178,17 @@ def test_one_that_stands_here_and_there_does_not_jump():
     assert "jump" not in {f.kind for f in findings(series("truth", 1, stand)(log))}
 
 
-@pytest.mark.parametrize("shift", [12.5, 1.7e9])  # the latter leaves no time in common
+@pytest.mark.parametrize("shift", [12.5, 1.7e9 + 12.3])  # the latter leaves no time in common
 def test_the_offset_of_a_clock_is_what_it_was_shifted_by(shift):
-    found = findings(series("truth", 1, lambda t, v: (t + shift, v))(team_log("no-compass", 3)))
+    log = team_log("no-compass", 3)
+    later = [series("truth", i, lambda t, v: (t + shift, v)) for i in range(3)]
+    found = findings(later[1](log))
     assert [(f.kind, f.robot) for f in found] == [("clock", "r1")]
     assert float(re.fullmatch(r"clock_offset = { r1 = (.*) }", found[0].setting)[1]) == pytest.approx(-shift, abs=0.5)
+    assert ("begin together" in found[0].fact) == (shift > 1e9)
+    found = findings(later[0](later[1](later[2](log))))
+    assert [(f.kind, f.robot, f.table) for f in found] == [("clock", r, "truth") for r in ("r0", "r1", "r2")]
+    assert [float(f.setting.removeprefix("clock_offset = ")) for f in found] == pytest.approx([-shift] * 3, abs=0.5)
 
 
 def test_the_corrected_recording_is_the_clean_one_and_the_original_is_not_changed():
@@ -197,6 +203,8 @@ def test_offsets_of_single_robots_are_one_setting_by_name():
     log = team_log("camera", 2)
     (camera,) = findings(FAULTS["a camera aside"][3](log))
     assert re.fullmatch(r"bearing_offset = { r2 = 0\.5\d+ }", camera.setting)
+    (right,) = findings(FAULTS["bearings to the right"][3](log))
+    assert "-rad" in right.setting
     for robot, offset in ((0, 0.7), (2, -1.2)):
         log = series("truth", robot, lambda t, v, by=offset: (t, np.add(v, [0.0, 0.0, by])))(log)
     settings = {f.setting for f in findings(log) if f.kind == "heading"}
@@ -213,7 +221,8 @@ def test_places_that_ranges_fit_are_those_before_they_were_moved(seed):
     assert [*places] == [*clean.landmarks.names]
     there = np.array([*places.values()])
     said = np.array([f"{name} " in found.fact for name in places])
-    assert said.any()
+    apart = np.hypot(*(clean.landmarks.positions - moved.landmarks.positions).T)[said]
+    assert [float(d) for d in re.findall(r"([\d.]+) m away", found.fact)] == pytest.approx(apart, abs=0.3)
     np.testing.assert_allclose(there[said], clean.landmarks.positions[said], atol=0.3)
     np.testing.assert_allclose(there[~said], moved.landmarks.positions[~said], atol=0.01)
 
