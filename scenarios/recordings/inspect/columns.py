@@ -157,6 +157,7 @@ RELATIVE = {"dx": "ahead", "dy": "left"}  # quantities that are of places if a c
 MEASURED = {*RELATIVE, "range", "rssi", "bearing", "ahead", "left", "x", "speed"}
 FLAGS = 10  # values that a column without a quantity may have and be no measurement
 PART = "part of a quaternion"
+OF_FLIGHT = "a time of flight: write the range, 0.299792458 m for each ns"
 
 
 def infer_columns(table: CsvTable) -> tuple[Guess, ...]:
@@ -198,8 +199,12 @@ def infer_columns(table: CsvTable) -> tuple[Guess, ...]:
 
 def _seen_of_another(table: CsvTable, guesses: Sequence[Guess], there: Collection[str]) -> list[Guess]:
     """Return guesses where a column says who was measured: steps are its place, the only number is its range."""
-    alone = [g for g in guesses if not g.quantity and len({*table.numbers(g.column)}) > FLAGS and g.reason != PART]
-    alone = [g for g in alone if "nothing" not in map(naming.QUANTITY.get, naming.words_of(g.column))]
+    alone = [g for g in guesses if not g.quantity and len({*table.numbers(g.column)}) > FLAGS]
+    alone = [
+        g
+        for g in alone
+        if g.reason not in (PART, OF_FLIGHT) and "nothing" not in map(naming.QUANTITY.get, naming.words_of(g.column))
+    ]
     found = list(guesses)
     for k, guess in enumerate(guesses):
         if guess.quantity in RELATIVE and {*RELATIVE} <= {*there}:
@@ -271,6 +276,8 @@ def _guess(table: CsvTable, column: str, file_side: str) -> Guess:
         unknown = f"its name says {quantity}, but its values are negative or not whole"
     elif quantity in ("time", "sec") and len(change) and 0.3 < (change < 0).mean() < 1 and _falls(table, values):
         unknown = f"its name says {quantity}, but its values fall"
+    elif quantity == "range" and {"ns", "ps"} & {*naming.words_of(column + below)}:
+        unknown = OF_FLIGHT
     elif quantity == "time" and len(values) > 10 > 2 * len({*values.tolist()}):
         unknown = f"{values[0]:.10g} and hardly another: it was written with too few digits"
     if unknown:

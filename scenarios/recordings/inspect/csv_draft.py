@@ -111,13 +111,14 @@ def _text_files(folder: Path) -> list[Path]:
     return [p for p in files_below(folder) if is_text(p)]
 
 
-def _name_mates(files: Sequence[CsvTable], robots: Sequence[str]) -> list[CsvTable]:
-    """Return the files with {other} in the names of columns, where each robot's file has one for each teammate."""
+def _name_mates(files: Sequence[CsvTable], robots: Sequence[str], fixed: Sequence[str]) -> list[CsvTable]:
+    """Return the files with {other} in the names of columns, where those of each robot are of teammates or places."""
     for quantity in ("range", "rssi"):
         columns = [[g.column for g in f.guesses if g.quantity == quantity and "{other}" not in g.column] for f in files]
         owners = [naming.file_pattern([file.name], robots)[1] for file in files]
+        places = fixed if len({frozenset(some) for some in columns if some}) > 1 else ()
         patterns = {
-            naming.pattern_of_mates(some, own[0], robots) if own else ""
+            naming.pattern_of_mates(some, own[0], robots, places) if own else ""
             for some, own in zip(columns, owners, strict=True)
             if some
         }
@@ -278,9 +279,10 @@ def _draft_run(folder: Path, data: Path) -> tuple[Draft, tuple[str, ...]]:
     robots = ("robot",) if runs else _robots(folder, parts)
     unused += [] if runs else _half_robots(parts, robots)
     fixed = [name for part in parts if part.table in ("anchors", "landmarks") for name in _places_of(part, robots)]
-    files = [_name_readings(file, robots, fixed) for file in _name_mates(files, robots)]
+    files = [_name_readings(file, robots, fixed) for file in _name_mates(files, robots, fixed)]
     unused += _for_files((why_no_table(file, halves), file.name) for file in files)
     parts = merge_parts([part for file in files for part in parts_of(file, halves)], [])
+    parts = [one for part in parts for one in _of_files(part, robots)]
     entries.append(Entry("robots", list(robots), why or "their names in the names of the files", "likely"))
     tables: dict[str, DraftTable] = {}
     for part in parts:
@@ -293,6 +295,15 @@ def _draft_run(folder: Path, data: Path) -> tuple[Draft, tuple[str, ...]]:
             unused.append(table)
     unused += _left_columns(files, parts)
     return Draft(tuple(entries), tuple(tables.values()), _column_rows(files), tuple(unused), doubts), robots
+
+
+def _of_files(part: TablePart, robots: Sequence[str]) -> list[TablePart]:
+    """Return a part for each file of readings whose lines name the robots, and whose names do not."""
+    named = naming.file_pattern(part.file_names, robots)[1]
+    of_robots = {*named, *naming.match_names(named, robots).values()} & {*robots}
+    if part.table in READINGS and "robot" in part.columns and named and not of_robots:
+        return [part._replace(files=(file,)) for file in part.files]
+    return [part]
 
 
 def _half_robots(parts: Sequence[TablePart], robots: Sequence[str]) -> list[str]:
@@ -363,10 +374,11 @@ def tables_beside_bag(folder: Path, paths: Sequence[Path], robots: Sequence[str]
     files, unused = _read_files(paths, folder, folder)
     parts = merge_parts([part for file in files for part in parts_of(file)], unused)
     fixed = [name for part in parts if part.table in ("anchors", "landmarks") for name in _places_of(part, robots)]
-    files = [_name_readings(file, robots, fixed) for file in _name_mates(files, robots)]
+    files = [_name_readings(file, robots, fixed) for file in _name_mates(files, robots, fixed)]
     drafted = [
         _draft_table(part, tuple(robots), fixed, False)
-        for part in merge_parts([part for file in files for part in parts_of(file)], [])
+        for several in merge_parts([part for file in files for part in parts_of(file)], [])
+        for part in _of_files(several, robots)
         if part.table not in ("odometry", *there)
     ]
     tables = tuple(table for table in drafted if isinstance(table, DraftTable))

@@ -171,16 +171,21 @@ def numbers_of(robots: Iterable[str]) -> dict[str, str]:
     return {number: robot for robot, number in last.items()} if len({*last.values()}) == len(last) else {}
 
 
-def pattern_of_mates(columns: Sequence[str], own: str, robots: Sequence[str]) -> str:
-    """Return what a robot's columns are, if there is one for each teammate: uwb_to_2, uwb_to_3 are uwb_to_{other}."""
-    words, found = numbers_of(robots) | {robot: robot for robot in robots}, dict[str, set[str]]()
+def pattern_of_mates(columns: Sequence[str], own: str, robots: Sequence[str], fixed: Sequence[str]) -> str:
+    """Return what a robot's columns are, if they end with teammates or places: uwb_to_2, uwb_to_A1 are uwb_to_{other}.
+
+    If one is of a teammate, every teammate has one.
+    """
+    words = dict(zip(fixed, fixed, strict=True)) | numbers_of(robots) | {robot: robot for robot in robots}
+    found: dict[str, set[str]] = {}
     for column in columns:
         before = {word: r"(?<!\d)" if word.isdigit() else r"(?<![A-Za-z0-9])" for word in words}
         ends = [word for word in words if re.search(f"{before[word]}{re.escape(word)}$", column)]
         for word in sorted(ends, key=len)[-1:]:
             found.setdefault(column[: -len(word)] + "{other}", set()).add(words[word])
-    patterns = [pattern for pattern, mates in found.items() if mates == {*robots} - {own}]
-    return patterns[0] if len(found) == 1 and patterns and len(columns) == len(robots) - 1 else ""
+    (pattern, things), *more = [*found.items()] or [("", set[str]())]
+    whole = things & {*robots} in (set(), {*robots} - {own}) and len(things) == len(columns)
+    return pattern if whole and not more else ""
 
 
 def file_pattern(files: Sequence[str], known: Sequence[str] = ()) -> tuple[str, tuple[str, ...]]:

@@ -96,12 +96,16 @@ def parts_of(file: CsvTable, halves: bool = False) -> list[TablePart]:
 def split_readings(guesses: Sequence[Guess], named: bool) -> list[tuple[Guess, ...]]:
     """Return the columns of robots by robots, and those of other things, apart.
 
-    Of those whose things are `named` in a column the plain one counts: "range" beside "range_raw" and "gt_range".
+    Of those whose things are `named` in a column one counts: "range" beside "range_raw", "rx_power" beside "fp_power".
     """
     pairs = tuple(g for g in guesses if "{other}" in g.column)
     others = tuple(g for g in guesses if "{other}" not in g.column)
-    plain = tuple(g for g in others if naming.is_plain(g.column))
-    return [each for each in (pairs, plain if named and len(plain) == 1 else others) if each]
+    if named and len(others) > 1:
+        plain = [g for g in others if naming.is_plain(g.column)]
+        usual = [g for g in others if {"rx", "rssi"} & {*naming.words_of(g.column)}]
+        best = plain[0] if len(plain) == 1 else (usual or others)[0]
+        others = (best if best in plain else best._replace(reason=f"{best.reason}; of several, perhaps"),)
+    return [each for each in (pairs, others) if each]
 
 
 def why_no_table(file: CsvTable, halves: bool = False) -> str:

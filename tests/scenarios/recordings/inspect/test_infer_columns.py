@@ -251,7 +251,21 @@ def test_what_differs_between_names_of_files_is_the_robot(files, pattern, robots
     ],
 )
 def test_columns_of_each_teammate_have_a_pattern(columns, own, robots, pattern):
-    assert pattern_of_mates(columns, own, robots) == pattern
+    assert pattern_of_mates(columns, own, robots, ()) == pattern
+
+
+@pytest.mark.parametrize(
+    ("columns", "pattern"),
+    [
+        (["d_A1", "d_A2", "d_blue"], "d_{other}"),
+        (["d_A1", "d_A2"], "d_{other}"),
+        (["d_A1", "d_red"], ""),  # of itself
+        (["d_A1", "range_blue"], ""),
+        (["d_A1", "d_A1"], ""),
+    ],
+)
+def test_columns_of_teammates_and_places_have_a_pattern(columns, pattern):
+    assert pattern_of_mates(columns, "red", ("red", "blue"), ("A1", "A2", "A3")) == pattern
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ from made_csv_teams import ROBOTS, changed, on_globe, other_names, two_robots, w
 
 import cooploc as cl
 from cooploc import BadInput
+from cooploc.scenarios.recordings.inspect import motion
 from cooploc.scenarios.recordings.inspect.motion import robot_motion
 from cooploc.scenarios.recordings.inspect.naming import match_names
 
@@ -75,6 +76,73 @@ def test_anchors_are_meant_by_their_numbers(team):
         assert {*readings.other} == {0, 1}
     found = cl.inspect(team(lambda files: numbered(columns(files))), again=True).inspected
     assert "anchor_range" not in found.log.readings  # d1 may be of robot 1
+
+
+def with_anchors(files):
+    """Ranges of both robots to each other and to three anchors, in one file that names who measured what."""
+    places = {"A1": (0.0, 0.0), "A2": (8.0, 0.0), "A3": (0.0, 8.0)}
+    tables = [pd.DataFrame(files["uwb.csv"]).iloc[::2]]
+    for robot in ("red", "blue"):
+        truth = pd.DataFrame(files[f"truth_{robot}.csv"]).iloc[::4]
+        for name, (x, y) in places.items():
+            distance = np.hypot(truth["x"] - x, truth["y"] - y).to_numpy()
+            tables.append(pd.DataFrame({"time": truth["time"], "from": robot, "to": name, "range": distance}))
+    anchors = pd.DataFrame([(name, *place) for name, place in places.items()], columns=["id", "x", "y"])
+    return {**files, "anchors.csv": anchors, "uwb.csv": pd.concat(tables).sort_values("time", kind="stable")}
+
+
+def anchors_first(files):
+    lines = with_anchors(files)["uwb.csv"]
+    turned = lines["to"].str.startswith("A")
+    lines.loc[turned, ["from", "to"]] = lines.loc[turned, ["to", "from"]].to_numpy()
+    return {**with_anchors(files), "uwb.csv": lines}
+
+
+def two_files(files):
+    found = with_anchors(files)
+    lines = found.pop("uwb.csv")
+    of_anchors = lines["to"].str.startswith("A")
+    return {**found, "anchor_ranges.csv": lines[of_anchors], "inter_ranges.csv": lines[~of_anchors]}
+
+
+def columns_of_each_robot(files):
+    found = with_anchors(files)
+    lines = found.pop("uwb.csv")
+    for robot, other in (("red", "blue"), ("blue", "red")):
+        own = lines[(lines["from"] == robot) | (lines["to"] == robot)]
+        own = own.assign(to=own["to"].where(own["to"] != robot, other))
+        wide = own.pivot_table(index="time", columns="to", values="range").add_prefix("d_").reset_index()
+        found[f"uwb_{robot}.csv"] = wide.drop(columns="d_A3" if robot == "blue" else [])
+    return found
+
+
+@pytest.mark.parametrize(
+    ("change", "missing"),
+    [(with_anchors, []), (anchors_first, []), (two_files, []), (columns_of_each_robot, [("blue", "A3")])],
+)
+def test_ranges_to_teammates_and_anchors_are_read_however_they_are_filed(team, change, missing):
+    found = cl.inspect(team(change)).inspected
+    assert not found.trial.problem
+    log = found.log
+    readings = log.readings["anchor_range"]
+    pairs = {(log.robots[i], log.anchors.names[k]) for i, k in zip(readings.robot, readings.other, strict=True)}
+    assert pairs == {(r, a) for r in log.robots for a in ("A1", "A2", "A3")} - {*missing}
+    assert len(log.readings["range"].time) > 100
+    off = readings.values[:, 0] - motion.distances(log, "anchor_range")
+    assert np.nanmax(np.abs(off)) < 0.05
+
+
+def test_columns_beside_a_range_that_are_none(team):
+    def measured(files):
+        lines = with_anchors(files)["uwb.csv"]
+        powers = lines.assign(fp_power=-80.0, rx_power=-70.0 - lines["range"], tof_ns=lines["range"] / 0.3)
+        return {**with_anchors(files), "uwb.csv": powers}
+
+    found = cl.inspect(team(measured)).inspected
+    columns = {row[1]: row[2:] for row in found.columns if row[0] == "uwb.csv"}
+    assert columns["rx_power"][0].startswith("rssi")
+    assert "time of flight" in columns["tof_ns"][1]
+    assert {"range", "anchor_range", "anchor_rssi"} <= {*found.log.readings}
 
 
 def test_places_of_who_was_seen_are_sightings_and_tags_stand_beside_anchors(team):
