@@ -135,14 +135,14 @@ def check_name(name: str) -> str:
 
 
 Name = Annotated[str, AfterValidator(check_name)]
-PerRobot = float | Mapping[Name, float]  # the same for all robots, or of each by name, 0 where one is not named
+PerRobot = float | Mapping[Name, float]  # the same for all, or of each by name, 0 where one is not named
 
 
-def values_of(setting: PerRobot, robots: Sequence[str]) -> Array:
-    """Return what a setting is for robots (m,)."""
+def values_of(setting: PerRobot, names: Sequence[str]) -> Array:
+    """Return what a setting is for robots, or anchors (m,)."""
     if isinstance(setting, Mapping):
-        return np.array([setting.get(robot, 0.0) for robot in robots], float)
-    return np.full(len(robots), setting)
+        return np.array([setting.get(name, 0.0) for name in names], float)
+    return np.full(len(names), setting)
 
 
 Several = BeforeValidator(lambda given: given if isinstance(given, list | tuple) else [given])  # or one by itself
@@ -333,6 +333,19 @@ class PlacesTable(Strict):
     places: Annotated[Mapping[Name, Place], Field(min_length=1)]  # [m]
 
 
+class AnchorsTable(PlacesTable):
+    """Radio nodes at fixed places, by name."""
+
+    height: PerRobot = 0.0  # [m] above the robots' radios, of all anchors or of each by name: ranges are slant by it
+
+    @model_validator(mode="after")
+    def _heights_are_of_anchors(self) -> Self:
+        named = self.height if isinstance(self.height, Mapping) else ()
+        if stranger := next((name for name in named if name not in self.places), ""):
+            raise ValueError(f"height names {stranger!r}; {nearest(stranger, list(self.places))}")
+        return self
+
+
 # ---- The description of a team's recordings
 
 NAME = "log.toml"
@@ -419,7 +432,7 @@ class TeamDescription(Strict):
     ranges: Annotated[tuple[RangesTable, ...], Several] = ()
     rssi: Annotated[tuple[RssiTable, ...], Several] = ()
     sightings: Annotated[tuple[SightingsTable, ...], Several] = ()
-    anchors: PlacesTable | None = None
+    anchors: AnchorsTable | None = None
     landmarks: PlacesTable | None = None
     sample: Sample = Sample()
     prior: Prior = Prior()

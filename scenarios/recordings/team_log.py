@@ -280,8 +280,23 @@ def build_log(
         notes += dropped
     moved = tuple(odometry[robot] for robot in robots)
     landmarks, anchors = stated_places(d.landmarks), stated_places(d.anchors)
+    if d.anchors and "anchor_range" in readings:
+        slant = readings.pop("anchor_range")
+        level, near = level_ranges(slant, values_of(d.anchors.height, anchors.names))
+        readings |= {"anchor_range": level} if len(level.time) else {}
+        notes += [f"{slant.source}: left out {count_of(near, 'range')} no longer than the anchor's height"] * bool(near)
     of: OdometryKind = "pose" if d.moves.kind == "increment" else d.moves.kind
     return TeamLog(name, robots, of, moved, tuple(poses), readings, landmarks, anchors, tuple(notes))
+
+
+def level_ranges(slant: ReadingSeries, heights: Array) -> tuple[ReadingSeries, int]:
+    """Return ranges to anchors of these heights (a,) [m] along the floor, (r^2 - h^2)^1/2, and how many have none."""
+    squared = slant.values[:, 0] ** 2 - heights[slant.other] ** 2
+    if not heights.any():
+        return slant, 0
+    k = np.flatnonzero(squared > 0)
+    level = ReadingSeries(slant.time[k], slant.robot[k], slant.other[k], np.sqrt(squared[k])[:, None], slant.source)
+    return level, len(squared) - len(k)
 
 
 def without_missing(table: ReadingColumns, values: Array, robots: Sequence[str]) -> Array:

@@ -30,6 +30,7 @@ from cooploc.scenarios.recordings.inspect.reading_checks import (
     check_bearings,
     check_biases,
     check_delays,
+    check_height,
     check_names,
     check_places,
     check_range_units,
@@ -58,6 +59,7 @@ def check_recording(log: TeamLog) -> CheckedLog:
     check_robots(check_compass_frame if log.odometry_kind == "displacement" else check_frame, check_sideways)
     _join_heading_offsets(c)
     check_delays(c)
+    check_height(c)
     check_places(c)
     check_names(c)
     check_biases(c)

@@ -58,6 +58,30 @@ def check_delays(c: CheckedLog) -> None:
             c.correct(channel, None, readings._replace(time=readings.time + shift))
 
 
+def check_height(c: CheckedLog) -> None:
+    """Find ranges to anchors that are slant: they are (d^2 + h^2)^1/2, with one height h of all anchors."""
+    if "anchor_range" not in c.log.readings:
+        return
+    readings, distance = c.log.readings["anchor_range"], motion.distances(c.log, "anchor_range")
+    rows = np.flatnonzero(np.isfinite(distance))
+    rows = rows[:: 1 + len(rows) // SOME]
+    if len(rows) < motion.FEWEST:
+        return
+    d, r = distance[rows], readings.values[rows, 0]
+
+    def residuals(s: Array) -> Array:
+        return np.append(np.hypot(d, s[0]) + s[1] - r, s[1] * BIAS / OFFSET)
+
+    fit: Any = least_squares(residuals, [1.0, 0.0], loss="soft_l1", f_scale=BIAS)
+    height, off, rest = abs(float(fit.x[0])), motion.robust_sd(r - d), motion.robust_sd(residuals(fit.x)[:-1])
+    if height > MOVED and rest < min(SHARPER * off, VAGUE):
+        fact = f"ranges are slant, as of anchors {height:.2g} m above the robots: they are {rest:.2g} m off then, and"
+        fact += f" {off:.2g} m as read"
+        c.add("height", None, readings.source, fact, "likely", f"height = {height:.2f}", "anchors")
+        level, _ = team_log.level_ranges(readings, np.full(len(c.log.anchors.names), height))
+        c.correct("anchor_range", None, level)
+
+
 MOVED, DEVIATIONS = 0.3, 5.0  # [m] and standard errors that a place must be from the stated one
 OFFSET = 0.3  # [m] that ranges are usually too long
 VAGUE = 0.5  # [m] ranges that are so far off any place say nothing of it

@@ -132,6 +132,30 @@ def test_ranges_to_teammates_and_anchors_are_read_however_they_are_filed(team, c
     assert np.nanmax(np.abs(off)) < 0.05
 
 
+@pytest.mark.parametrize("heights", ["1.5", "{ A1 = 1.5, A2 = 1.5, A3 = 1.5 }"])
+def test_slant_ranges_to_high_anchors_are_found_and_corrected(team, heights):
+    def slant(files):
+        lines = with_anchors(files)["uwb.csv"]
+        high = lines["to"].str.startswith("A")
+        lines.loc[high, "range"] = np.hypot(lines.loc[high, "range"], 1.5)
+        low = lines[high].iloc[:3].assign(range=1.4, time=lines["time"].iloc[:3].to_numpy() + 0.01)
+        return {**with_anchors(files), "uwb.csv": pd.concat([lines, low])}
+
+    folder = team(slant)
+    found = cl.inspect(folder)
+    (one,) = (f for f in found.inspected.findings if f.table == "anchors")
+    assert one.kind == "height"
+    assert float(one.setting.removeprefix("height = ")) == pytest.approx(1.5, abs=0.1)
+    (folder / "log.toml").write_text(found.log_toml.replace("\n[anchors]\n", f"\n[anchors]\nheight = {heights}\n"))
+    log = cl.inspect(folder).inspected.log
+    assert any("left out 3 ranges no longer than the anchor's height" in line for line in log.warnings)
+    off = log.readings["anchor_range"].values[:, 0] - motion.distances(log, "anchor_range")
+    assert np.nanmax(np.abs(off)) < 0.05
+    (folder / "log.toml").write_text((folder / "log.toml").read_text().replace(heights, "{ A9 = 1.0 }"))
+    with pytest.raises(BadInput, match="height names 'A9'"):
+        cl.inspect(folder)
+
+
 def test_columns_beside_a_range_that_are_none(team):
     def measured(files):
         lines = with_anchors(files)["uwb.csv"]
