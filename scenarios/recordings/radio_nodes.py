@@ -5,12 +5,14 @@ nodes by the distance d of the two things that carry them and a bias b of the pa
 
     e = median |r - d - b|,    b = median(r - d), but within `BIASES`,
 
-and the best assignment has the least mean of e over the pairs of carriers. Medians, as ranges by radio have far
-outliers. Every carrier is taken to have a node (as long as there are nodes): name robots, not the furniture.
+and the best assignment has the least mean of e over the pairs of carriers, and of carriers and known places. Medians,
+as ranges by radio have far outliers. Every carrier is taken to have a node (as long as there are nodes): name robots,
+not the furniture.
 """
 
 from collections.abc import Mapping, Sequence
 from itertools import combinations
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -44,12 +46,20 @@ class Assignment(NamedTuple):
     others: tuple[str, ...]  # nodes on no carrier
 
 
-def assign(ranges: Sequence[NodeRanges], carriers: Mapping[str, Series]) -> Assignment:
-    """Return the node of each carrier: a robot, or marked furniture, with its true positions (x, y first) over time."""
-    nodes, names = sorted({name for one in ranges for name in (one.first, one.second)}), list(carriers)
+def assign(
+    ranges: Sequence[NodeRanges], carriers: Mapping[str, Series], fixed: Mapping[str, Array] = MappingProxyType({})
+) -> Assignment:
+    """Return the node of each carrier: a robot, or marked furniture, with its true positions (x, y first) over time.
+
+    `fixed` are the places (2,) [m] of nodes that are known.
+    """
+    nodes, names = sorted({name for one in ranges for name in (one.first, one.second)} - {*fixed}), list(carriers)
     if len(nodes) < 2 or len(names) < 2:
         raise BadInput(f"{len(nodes)} nodes and {len(names)} carriers; to tell which is where takes two of each")
     misfit, carried = _misfits(ranges, nodes, list(carriers.values())), min(len(nodes), len(names))
+    alone = _misfits_of_places(ranges, nodes, list(carriers.values()), fixed)
+    if alone.any() and all({one.first, one.second} & {*fixed} for one in ranges):
+        misfit[:] = 0.0  # nodes did not measure each other
     tried: list[tuple[tuple[int, ...], float]] = [((), 0.0)]  # the carrier of each node, -1 for none, and the cost [m]
     for k in range(len(nodes)):
         longer = []
@@ -58,12 +68,32 @@ def assign(ranges: Sequence[NodeRanges], carriers: Mapping[str, Series]) -> Assi
             if k - len(before) < len(nodes) - carried:
                 longer.append(((*places, -1), cost))
             for i in set(range(len(names))) - {*places} if len(before) < carried else ():
-                longer.append(((*places, i), cost + float(sum(misfit[m, k, place, i] for m, place in before))))
+                longer.append(
+                    ((*places, i), cost + float(sum((misfit[m, k, place, i] for m, place in before), alone[k, i])))
+                )
         tried = sorted(longer, key=lambda one: one[1])[:BEAM]
-    pairs = carried * (carried - 1) / 2
+    pairs = carried * (carried - 1) / 2 * misfit.any() + carried * alone.any()
     found = {names[i]: nodes[k] for i, k in sorted((i, k) for k, i in enumerate(tried[0][0]) if i >= 0)}
     second = tried[1][1] / pairs if len(tried) > 1 else np.nan
     return Assignment(found, tried[0][1] / pairs, second, tuple(node for node in nodes if node not in found.values()))
+
+
+def _misfits_of_places(
+    ranges: Sequence[NodeRanges], nodes: Sequence[str], carriers: Sequence[Series], fixed: Mapping[str, Array]
+) -> Array:
+    """Return the residual [m] of the ranges of each node and all places by the distances of a carrier, (n, c)."""
+    misfit = np.zeros((len(nodes), len(carriers)))
+    for k, node in enumerate(nodes):
+        of_node = [(one, ({one.first, one.second} - {node}).pop()) for one in ranges if node in (one.first, one.second)]
+        for i, carrier in enumerate(carriers):
+            found = []
+            for one, place in ((one, fixed[name]) for one, name in of_node if name in fixed):
+                at = interpolate(carrier.time, carrier.values[:, :2], one.time, MAX_GAP)
+                error = one.range - np.hypot(*(at - place).T)
+                bias = float(np.clip(np.nanmedian(error), *BIASES)) if np.isfinite(error).any() else np.nan
+                found.append(float(np.nanmedian(np.abs(error - bias))) if np.isfinite(bias) else NOT_MEASURED)
+            misfit[k, i] = np.mean(found) if found else NOT_MEASURED * bool(fixed)
+    return misfit
 
 
 def _misfits(ranges: Sequence[NodeRanges], nodes: Sequence[str], carriers: Sequence[Series]) -> Array:

@@ -37,13 +37,20 @@ from cooploc.scenarios.recordings.inspect.reading_checks import (
 )
 from cooploc.scenarios.recordings.team_log import Channel, ReadingSeries, TeamLog
 
+TO_NAME = {  # in a sentence on what was left out -> what to write, and the table
+    "nor a place": ("places = { NAME = [X, Y], ... }, of an anchor", "anchors"),
+    "no robot of the team": ('nodes = { THEIRS = "NAME", ... } in that table, if they are robots', ""),
+}
+
 
 def check_recording(log: TeamLog) -> CheckedLog:
     """Find everything odd about a recording, in an order in which no fault hides the next."""
     c = CheckedLog(log)
     for warning in dict.fromkeys(log.warnings):  # such as a last line that was cut off
-        nothing, place = ("nothing: it is left out", ""), ("places = { NAME = [X, Y], ... }, of an anchor", "anchors")
-        c.add("dropped", None, "", warning, "sure", *(place if "nor a place" in warning else nothing))
+        setting = next(
+            (setting for words, setting in TO_NAME.items() if words in warning), ("nothing: it is left out", "")
+        )
+        c.add("dropped", None, "", warning, "sure", *setting)
 
     def check_robots(*checks: Callable[[CheckedLog, int], None]) -> None:
         for check in checks:

@@ -189,9 +189,11 @@ def infer_columns(table: CsvTable) -> tuple[Guess, ...]:
         same = {*table.names(both[0].column)} & {*table.names(both[1].column)}
         of_anchors = [naming.is_anchor(guess.column) for guess in both] == [False, True]
         alike = both[0].quantity == both[1].quantity
-        for one, quantity in zip(both, NAMES, strict=True) if same or (alike and of_anchors) else ():
+        measured = of_anchors or bool({"range", "rssi"} & {guess.quantity for guess in guesses})
+        for one, quantity in zip(both, NAMES, strict=True) if same or (alike and measured) else ():
             if alike or not {one.quantity for one in both} & {*NAMES}:
-                why = "what measured, and an anchor" if of_anchors else "two columns with the same names"
+                why = "two columns with the same names" if same else "what measured, and what was measured"
+                why = "what measured, and an anchor" if of_anchors else why
                 guesses[guesses.index(one)] = one._replace(quantity=quantity, reason=why)
     there = {guess.quantity for guess in guesses}
     return tuple(_seen_of_another(table, guesses, there) if {"time", "other"} <= there else guesses)

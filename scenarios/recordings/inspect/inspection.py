@@ -6,17 +6,21 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 
 from cooploc.estimators.errors import BadInput, count_of, nearest
 from cooploc.estimators.interface import Array
-from cooploc.scenarios.recordings import bag_storage, mrclam, schema
+from cooploc.scenarios.recordings import bag_storage, csv_files, mrclam, schema
 from cooploc.scenarios.recordings.bags import keep_what_is_read
 from cooploc.scenarios.recordings.inspect import draft_toml
-from cooploc.scenarios.recordings.inspect.bag_draft import bag_draft
+from cooploc.scenarios.recordings.inspect.bag_draft import SURE, bag_draft
 from cooploc.scenarios.recordings.inspect.checks import GAP, check_recording
 from cooploc.scenarios.recordings.inspect.csv_draft import csv_draft
 from cooploc.scenarios.recordings.inspect.draft_toml import Draft, Entry, common_span
 from cooploc.scenarios.recordings.inspect.findings import CheckedLog, Finding
+from cooploc.scenarios.recordings.inspect.reading_checks import VAGUE
+from cooploc.scenarios.recordings.inspect.table_parts import READINGS
+from cooploc.scenarios.recordings.radio_nodes import NodeRanges, assign
 from cooploc.scenarios.recordings.scenario import NO_ORDER, TeamScenario, reader
 from cooploc.scenarios.recordings.team_log import TeamLog, other_names
 from cooploc.scenarios.recordings.text_files import files_below, is_text
@@ -100,13 +104,15 @@ def inspect_recording(path: Path, run: str = "", again: bool = False) -> Inspect
         draft = draft._replace(entries=entries, unused=unused)
         description = schema.parse(home, draft.text())
         log = of_format.read_run(places[name], name, description)
+
+    def read(other: Draft) -> TeamLog:
+        found: TeamLog = of_format.read_run(places[name], name, schema.parse(home, other.text()))
+        return found
+
+    if not stated and (named := name_radios(draft, log, places[name], description)) != draft:
+        draft, log = named, read(named)
     checked = check_recording(log)
     if not stated:
-
-        def read(other: Draft) -> TeamLog:
-            found: TeamLog = of_format.read_run(places[name], name, schema.parse(home, other.text()))
-            return found
-
         draft, log, checked = fit_lengths(draft, log, checked, read)
     findings = (*draft.doubts, *checked.findings)
     if not stated:
@@ -125,6 +131,35 @@ def inspect_recording(path: Path, run: str = "", again: bool = False) -> Inspect
             text, trial = assumed, found_trial
     found = tuple(places), log, checked.log, tuple(series_rows(log)), findings
     return Inspected(path, description.format, why, *found, draft.columns, draft.unused, text, trial)
+
+
+def name_radios(draft: Draft, log: TeamLog, place: Path, description: schema.TeamDescription) -> Draft:
+    """Return the draft with the robots' radios where lines name none of the robots: by their ranges, and the truth."""
+    truth = {robot: series for robot, series in zip(log.robots, log.truth, strict=True) if series is not None}
+    fixed, tables = dict(zip(log.anchors.names, log.anchors.positions, strict=True)), list(draft.tables)
+    files = csv_files.RunFiles(place, log.name, description, [])
+    for table in description.ranges if description.format == "csv" else ():
+        measured = csv_files.read_measurements(files, table, (*log.robots, *fixed))
+        lines = pd.concat(
+            [pd.DataFrame({"a": m.robot, "b": m.other, "t": m.time, "r": m.values[:, 0]}) for m in measured]
+        )
+        names = {*lines["a"], *lines["b"]} - {*fixed}
+        if names & {*log.robots} or len(names) < 2 or len(truth) < 2:
+            continue
+        pairs = [
+            NodeRanges(str(own["a"].iloc[0]), str(own["b"].iloc[0]), own["t"].to_numpy(), own["r"].to_numpy())
+            for _, own in lines.groupby(["a", "b"])
+        ]
+        found = assign(pairs, truth, fixed)
+        if found.residual < min(VAGUE, found.second / SURE):
+            why = (
+                f"ranges fit the true distances to {found.residual:.2g} m so, and the next best to {found.second:.2g} m"
+            )
+            nodes = Entry("nodes", {node: robot for robot, node in found.nodes.items()}, why, "likely")
+            for k, one in enumerate(tables):
+                if one.name in READINGS and ("file", table.file) in {entry[:2] for entry in one.entries[:2]}:
+                    tables[k] = one._replace(entries=(*one.entries, nodes))
+    return draft._replace(tables=tuple(tables))
 
 
 def fit_lengths(

@@ -46,3 +46,13 @@ def test_two_nodes_on_two_robots_cannot_be_told_apart_and_it_says_so():
     ranges = [one for one in simulated(rng) if {one.first, one.second} == {"n1", "n3"}]
     found = assign(ranges, robots)
     assert found.second == found.residual
+
+
+def test_known_places_tell_two_nodes_on_two_robots_apart_also_without_ranges_between_these():
+    robots = {name: series for name, series in paths().items() if name != "green"}
+    ranges = [one for one in simulated(np.random.default_rng(4)) if "n4" not in (one.first, one.second)]
+    for some in (ranges, [one for one in ranges if {one.first, one.second} & {*ANCHORS}]):
+        found = assign(some, robots, ANCHORS)
+        assert found.nodes == {"red": "n1", "blue": "n3"}
+        assert found.residual < 0.06
+        assert found.second > 2 * found.residual

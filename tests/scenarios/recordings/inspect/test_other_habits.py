@@ -132,6 +132,26 @@ def test_ranges_to_teammates_and_anchors_are_read_however_they_are_filed(team, c
     assert np.nanmax(np.abs(off)) < 0.05
 
 
+@pytest.mark.parametrize("between", [True, False])
+def test_radios_that_are_called_by_no_robot_are_told_by_their_ranges(team, between):
+    """Of two robots alone it makes no difference which is whose: the anchors decide."""
+    called = {"red": "0xA1", "blue": "17", "A1": "1", "A2": "2", "A3": "3"}
+
+    def tags(files):
+        found = with_anchors(files)
+        lines = found["uwb.csv"].replace({"from": called, "to": called}).rename(columns={"from": "id_a", "to": "id_b"})
+        lines = lines if between else lines[lines["id_b"].isin(["1", "2", "3"])]
+        anchors = found["anchors.csv"].replace({"id": called})
+        rssi = (-40 - 20 * np.log10(lines["range"])).round(1)
+        return {**found, "uwb.csv": lines.assign(rssi=rssi), "anchors.csv": anchors}
+
+    found = cl.inspect(team(tags)).inspected
+    assert found.text.count('nodes = { 17 = "blue", 0xA1 = "red" }') == 2  # of ranges and of RSSI
+    assert {"range", "rssi"} & {*found.log.readings} == ({"range", "rssi"} if between else set())
+    off = found.log.readings["anchor_range"].values[:, 0] - motion.distances(found.log, "anchor_range")
+    assert np.nanmax(np.abs(off)) < 0.05
+
+
 @pytest.mark.parametrize("heights", ["1.5", "{ A1 = 1.5, A2 = 1.5, A3 = 1.5 }"])
 def test_slant_ranges_to_high_anchors_are_found_and_corrected(team, heights):
     def slant(files):
