@@ -47,18 +47,20 @@ class Assignment(NamedTuple):
 
 
 def assign(
-    ranges: Sequence[NodeRanges], carriers: Mapping[str, Series], fixed: Mapping[str, Array] = MappingProxyType({})
+    ranges: Sequence[NodeRanges],
+    carriers: Mapping[str, Series],
+    known: Mapping[str, Array | Series] = MappingProxyType({}),
 ) -> Assignment:
     """Return the node of each carrier: a robot, or marked furniture, with its true positions (x, y first) over time.
 
-    `fixed` are the places (2,) [m] of nodes that are known.
+    `known` are the places (2,) [m], or the positions over time, of nodes that need not be found.
     """
-    nodes, names = sorted({name for one in ranges for name in (one.first, one.second)} - {*fixed}), list(carriers)
-    if len(nodes) < 2 or len(names) < 2:
+    nodes, names = sorted({name for one in ranges for name in (one.first, one.second)} - {*known}), list(carriers)
+    if len(nodes) < (1 if known else 2) or len(names) < 2:
         raise BadInput(f"{len(nodes)} nodes and {len(names)} carriers; to tell which is where takes two of each")
     misfit, carried = _misfits(ranges, nodes, list(carriers.values())), min(len(nodes), len(names))
-    alone = _misfits_of_places(ranges, nodes, list(carriers.values()), fixed)
-    if alone.any() and all({one.first, one.second} & {*fixed} for one in ranges):
+    alone = _misfits_of_places(ranges, nodes, list(carriers.values()), known)
+    if alone.any() and all({one.first, one.second} & {*known} for one in ranges):
         misfit[:] = 0.0  # nodes did not measure each other
     tried: list[tuple[tuple[int, ...], float]] = [((), 0.0)]  # the carrier of each node, -1 for none, and the cost [m]
     for k in range(len(nodes)):
@@ -79,20 +81,21 @@ def assign(
 
 
 def _misfits_of_places(
-    ranges: Sequence[NodeRanges], nodes: Sequence[str], carriers: Sequence[Series], fixed: Mapping[str, Array]
+    ranges: Sequence[NodeRanges], nodes: Sequence[str], carriers: Sequence[Series], known: Mapping[str, Array | Series]
 ) -> Array:
-    """Return the residual [m] of the ranges of each node and all places by the distances of a carrier, (n, c)."""
+    """Return the residual [m] of each node's ranges to what is known, by the distances of a carrier, (n, c)."""
     misfit = np.zeros((len(nodes), len(carriers)))
     for k, node in enumerate(nodes):
         of_node = [(one, ({one.first, one.second} - {node}).pop()) for one in ranges if node in (one.first, one.second)]
         for i, carrier in enumerate(carriers):
             found = []
-            for one, place in ((one, fixed[name]) for one, name in of_node if name in fixed):
+            for one, place in ((one, known[name]) for one, name in of_node if name in known):
                 at = interpolate(carrier.time, carrier.values[:, :2], one.time, MAX_GAP)
-                error = one.range - np.hypot(*(at - place).T)
+                there = interpolate(*place[:2], one.time, MAX_GAP)[:, :2] if isinstance(place, Series) else place
+                error = one.range - np.hypot(*(at - there).T)
                 bias = float(np.clip(np.nanmedian(error), *BIASES)) if np.isfinite(error).any() else np.nan
                 found.append(float(np.nanmedian(np.abs(error - bias))) if np.isfinite(bias) else NOT_MEASURED)
-            misfit[k, i] = np.mean(found) if found else NOT_MEASURED * bool(fixed)
+            misfit[k, i] = np.mean(found) if found else NOT_MEASURED * bool(known)
     return misfit
 
 

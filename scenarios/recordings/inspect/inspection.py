@@ -134,31 +134,28 @@ def inspect_recording(path: Path, run: str = "", again: bool = False) -> Inspect
 
 
 def name_radios(draft: Draft, log: TeamLog, place: Path, description: schema.TeamDescription) -> Draft:
-    """Return the draft with the robots' radios where lines name none of the robots: by their ranges, and the truth."""
+    """Return the draft with whose the radios are that lines call by no robot or anchor: by ranges and the truth."""
     truth = {robot: series for robot, series in zip(log.robots, log.truth, strict=True) if series is not None}
-    fixed, tables = dict(zip(log.anchors.names, log.anchors.positions, strict=True)), list(draft.tables)
-    files = csv_files.RunFiles(place, log.name, description, [])
+    known = truth | dict(zip(log.anchors.names, log.anchors.positions, strict=True))
+    files, tables = csv_files.RunFiles(place, log.name, description, []), list(draft.tables)
     for table in description.ranges if description.format == "csv" else ():
-        measured = csv_files.read_measurements(files, table, (*log.robots, *fixed))
-        lines = pd.concat(
-            [pd.DataFrame({"a": m.robot, "b": m.other, "t": m.time, "r": m.values[:, 0]}) for m in measured]
-        )
-        names = {*lines["a"], *lines["b"]} - {*fixed}
-        if names & {*log.robots} or len(names) < 2 or len(truth) < 2:
+        measured = csv_files.read_measurements(files, table, (*log.robots, *log.anchors.names))
+        parts = [pd.DataFrame({"a": m.robot, "b": m.other, "t": m.time, "r": m.values[:, 0]}) for m in measured]
+        lines = pd.concat(parts)
+        if {*lines["a"], *lines["b"]} <= {*log.robots, *log.anchors.names} or len(truth) < 2:
             continue
         pairs = [
             NodeRanges(str(own["a"].iloc[0]), str(own["b"].iloc[0]), own["t"].to_numpy(), own["r"].to_numpy())
             for _, own in lines.groupby(["a", "b"])
         ]
-        found = assign(pairs, truth, fixed)
+        found = assign(pairs, truth, known)
         if found.residual < min(VAGUE, found.second / SURE):
-            why = (
-                f"ranges fit the true distances to {found.residual:.2g} m so, and the next best to {found.second:.2g} m"
-            )
-            nodes = Entry("nodes", {node: robot for robot, node in found.nodes.items()}, why, "likely")
+            why = f"ranges fit the true distances to {found.residual:.2g} m, and the next best to {found.second:.2g} m"
             for k, one in enumerate(tables):
                 if one.name in READINGS and ("file", table.file) in {entry[:2] for entry in one.entries[:2]}:
-                    tables[k] = one._replace(entries=(*one.entries, nodes))
+                    before = next((entry.value for entry in one.entries if entry.key == "nodes"), dict[str, str]())
+                    nodes = Entry("nodes", before | {n: robot for robot, n in found.nodes.items()}, why, "likely")
+                    tables[k] = one._replace(entries=(*(e for e in one.entries if e.key != "nodes"), nodes))
     return draft._replace(tables=tuple(tables))
 
 

@@ -132,6 +132,19 @@ def test_ranges_to_teammates_and_anchors_are_read_however_they_are_filed(team, c
     assert np.nanmax(np.abs(off)) < 0.05
 
 
+def test_radios_in_the_files_of_robots_are_told_by_their_ranges(team):
+    def own(files):
+        found = with_anchors(files)
+        lines = found.pop("uwb.csv").replace({"to": {"red": "101", "blue": "102", "A1": "1", "A2": "2", "A3": "3"}})
+        for robot in ("red", "blue"):
+            found[f"uwb_{robot}.csv"] = lines[lines["from"] == robot].drop(columns="from").rename(columns={"to": "id"})
+        return {**found, "anchors.csv": found["anchors.csv"].assign(id=[1, 2, 3])}
+
+    found = cl.inspect(team(own)).inspected
+    assert 'nodes = { 102 = "blue" }' in found.text  # red measured blue, and blue not red
+    assert np.isfinite(found.log.readings["range"].values).sum() > 100
+
+
 @pytest.mark.parametrize("between", [True, False])
 def test_radios_that_are_called_by_no_robot_are_told_by_their_ranges(team, between):
     """Of two robots alone it makes no difference which is whose: the anchors decide."""
