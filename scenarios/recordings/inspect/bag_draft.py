@@ -26,6 +26,7 @@ from cooploc.scenarios.recordings.inspect.naming import (
     CERTAIN,
     ODOMETRY,
     OTHERS,
+    SEEN,
     TRUTH,
     clean_name,
     file_pattern,
@@ -56,8 +57,6 @@ PLACE = {"PoseStamped": ("pose.position", "pose.orientation"), "Pose": ("positio
 PLACE |= {"TransformStamped": ("transform.translation", "transform.rotation")}
 FLAT = 0.2  # [m] that robots move at least, and share of it by which a floor is flat at most
 EACH = 'each = { NAME = "data.0", ... } for the robots or anchors that it is of, in their order'
-SEEN = {"rel", "relative", "tag", "tags", "apriltag", "aruco", "marker", "markers", "detection", "detections", "camera"}
-SEEN |= {"landmark", "landmarks"}
 SURE = 2.0  # times the misfit of the best assignment of radios that the next best must have
 
 

@@ -196,7 +196,7 @@ def infer_columns(table: CsvTable) -> tuple[Guess, ...]:
                 why = "what measured, and an anchor" if of_anchors else why
                 guesses[guesses.index(one)] = one._replace(quantity=quantity, reason=why)
     there = {guess.quantity for guess in guesses}
-    return tuple(_seen_of_another(table, guesses, there) if {"time", "other"} <= there else guesses)
+    return tuple(_seen_at(table, _seen_of_another(table, guesses, there)) if {"time", "other"} <= there else guesses)
 
 
 def _seen_of_another(table: CsvTable, guesses: Sequence[Guess], there: Collection[str]) -> list[Guess]:
@@ -218,6 +218,21 @@ def _seen_of_another(table: CsvTable, guesses: Sequence[Guess], there: Collectio
             only = f"the only number beside who was measured, perhaps; {why}"
             found[k] = guess._replace(quantity=kind, unit=unit, reason=only)
     return found
+
+
+def _seen_at(table: CsvTable, guesses: list[Guess]) -> list[Guess]:
+    """Return guesses where x and y in a file of detections are ahead and left of who saw; of a camera z and -x are."""
+    places = {g.quantity: g for g in guesses if g.quantity in ("x", "y") and g.side != "truth"}
+    measured = {"range", "bearing", "ahead"} & {g.quantity for g in guesses}
+    if len(places) < 2 or measured or not naming.SEEN & {*naming.words_of(table.name)}:
+        return guesses
+    x, y, why = places["x"], places["y"], "beside who was seen, perhaps"
+    new = {x.column: ("ahead", x.unit), y.column: ("left", y.unit)}
+    depth = x.column.replace("x", "z")
+    if depth in table.columns and (table.numbers(depth) > 0).mean() > 0.95:
+        new = {depth: ("ahead", x.unit), x.column: ("left", f"-{x.unit}"), y.column: ("", "")}
+        why = "the axes of a camera, beside who was seen, perhaps"
+    return [Guess(g.column, *new[g.column], "", why) if g.column in new else g for g in guesses]
 
 
 def _quaternions(table: CsvTable) -> dict[str, Guess]:

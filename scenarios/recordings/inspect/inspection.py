@@ -134,15 +134,16 @@ def inspect_recording(path: Path, run: str = "", again: bool = False) -> Inspect
 
 
 def name_radios(draft: Draft, log: TeamLog, place: Path, description: schema.TeamDescription) -> Draft:
-    """Return the draft with whose the radios are that lines call by no robot or anchor: by ranges and the truth."""
+    """Return the draft with whose the radios, or markers, are that lines call by no robot or place: by their ranges."""
     truth = {robot: series for robot, series in zip(log.robots, log.truth, strict=True) if series is not None}
-    known = truth | dict(zip(log.anchors.names, log.anchors.positions, strict=True))
     files, tables = csv_files.RunFiles(place, log.name, description, []), list(draft.tables)
-    for table in description.ranges if description.format == "csv" else ():
-        measured = csv_files.read_measurements(files, table, (*log.robots, *log.anchors.names))
+    both = [(table, log.anchors) for table in description.ranges] + [(t, log.landmarks) for t in description.sightings]
+    for table, fixed in both if description.format == "csv" else ():
+        known = truth | dict(zip(fixed.names, fixed.positions, strict=True))
+        measured = csv_files.read_measurements(files, table, (*log.robots, *fixed.names))
         parts = [pd.DataFrame({"a": m.robot, "b": m.other, "t": m.time, "r": m.values[:, 0]}) for m in measured]
         lines = pd.concat(parts)
-        if {*lines["a"], *lines["b"]} <= {*log.robots, *log.anchors.names} or len(truth) < 2:
+        if {*lines["a"], *lines["b"]} <= {*log.robots, *fixed.names} or len(truth) < 2:
             continue
         pairs = [
             NodeRanges(str(own["a"].iloc[0]), str(own["b"].iloc[0]), own["t"].to_numpy(), own["r"].to_numpy())

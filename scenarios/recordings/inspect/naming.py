@@ -19,6 +19,9 @@ QUANTITY_OF_PAIR = {pair: quantity for quantity, of in _WORDS["pairs"].items() f
 AXES = {"turn_rate": (["x"], ["y"]), "speed": (["y"], ["z"]), "heading": (["x"], ["y"], ["w"])}
 ODOMETRY, TRUTH = ({word for word, of in SIDE.items() if of == side} for side in ("odometry", "truth"))
 CERTAIN = {*SIDE} - {"ground", "pos", "cap"}  # of these words that say it also in a file of the other side
+# Words in names of files and topics of what robots saw.
+SEEN = {"rel", "relative", "tag", "tags", "apriltag", "aruco", "marker", "markers", "detection", "detections", "camera"}
+SEEN |= {"landmark", "landmarks", "sighting", "sightings", "seen"}
 # The units of quantities in log.toml; all others are lengths in m.
 SI = {
     "time": "s",

@@ -132,6 +132,30 @@ def test_ranges_to_teammates_and_anchors_are_read_however_they_are_filed(team, c
     assert np.nanmax(np.abs(off)) < 0.05
 
 
+@pytest.mark.parametrize("camera", [False, True])
+def test_markers_by_number_and_place_are_of_robots_that_were_seen(team, camera):
+    def detections(files):
+        time = files["truth_red.csv"]["time"][::3]
+        poses = {robot: files[f"truth_{robot}.csv"][["x", "y", "theta"]].to_numpy()[::3] for robot in ("red", "blue")}
+        parts = []
+        for robot, mate, tag in (("red", "blue", 11), ("blue", "red", 5)):
+            dx, dy = (poses[mate] - poses[robot])[:, :2].T
+            c, s = np.cos(poses[robot][:, 2]), np.sin(poses[robot][:, 2])
+            ahead, left = c * dx + s * dy, c * dy - s * dx
+            axes = {"tx": -left, "ty": 0.1, "tz": ahead} if camera else {"x": ahead, "y": left}
+            seen = pd.DataFrame({"time": time, "robot": robot, "tag_id": tag, **axes})
+            parts.append(seen[ahead > np.abs(left)])
+        return {**files, "detections.csv": pd.concat(parts).sort_values("time", kind="stable")}
+
+    found = cl.inspect(team(detections)).inspected
+    assert re.search(r"nodes = { (11 = .blue., 5 = .red.|5 = .red., 11 = .blue.) }", found.text)
+    assert {f.kind for f in found.findings} <= {"dropped"}
+    assert not found.trial.problem
+    seen = found.log.readings["sighting"]
+    off = seen.values[:, 1] - motion.bearings(found.log, "sighting")
+    assert np.nanmax(np.abs(np.angle(np.exp(1j * off)))) < 0.2
+
+
 def test_radios_in_the_files_of_robots_are_told_by_their_ranges(team):
     def own(files):
         found = with_anchors(files)
