@@ -84,7 +84,9 @@ def _misfits_of_places(
     ranges: Sequence[NodeRanges], nodes: Sequence[str], carriers: Sequence[Series], known: Mapping[str, Array | Series]
 ) -> Array:
     """Return the residual [m] of each node's ranges to what is known, by the distances of a carrier, (n, c)."""
-    misfit = np.zeros((len(nodes), len(carriers)))
+    misfit = np.full((len(nodes), len(carriers)), NOT_MEASURED)
+    if not any({one.first, one.second} & {*known} and {one.first, one.second} & {*nodes} for one in ranges):
+        return np.zeros_like(misfit)
     for k, node in enumerate(nodes):
         of_node = [(one, ({one.first, one.second} - {node}).pop()) for one in ranges if node in (one.first, one.second)]
         for i, carrier in enumerate(carriers):
@@ -95,7 +97,7 @@ def _misfits_of_places(
                 error = one.range - np.hypot(*(at - there).T)
                 bias = float(np.clip(np.nanmedian(error), *BIASES)) if np.isfinite(error).any() else np.nan
                 found.append(float(np.nanmedian(np.abs(error - bias))) if np.isfinite(bias) else NOT_MEASURED)
-            misfit[k, i] = np.mean(found) if found else NOT_MEASURED * bool(known)
+            misfit[k, i] = np.mean(found) if found else NOT_MEASURED
     return misfit
 
 

@@ -223,8 +223,9 @@ def _seen_of_another(table: CsvTable, guesses: Sequence[Guess], there: Collectio
 def _seen_at(table: CsvTable, guesses: list[Guess]) -> list[Guess]:
     """Return guesses where x and y in a file of detections are ahead and left of who saw; of a camera z and -x are."""
     places = {g.quantity: g for g in guesses if g.quantity in ("x", "y") and g.side != "truth"}
-    measured = {"range", "bearing", "ahead"} & {g.quantity for g in guesses}
-    if len(places) < 2 or measured or not naming.SEEN & {*naming.words_of(table.name)}:
+    there = {g.quantity for g in guesses}
+    measured = {"range", "bearing", "ahead"} & there
+    if len(places) < 2 or measured or "robot" not in there or not naming.SEEN & {*naming.words_of(table.name)}:
         return guesses
     x, y, why = places["x"], places["y"], "beside who was seen, perhaps"
     new = {x.column: ("ahead", x.unit), y.column: ("left", y.unit)}

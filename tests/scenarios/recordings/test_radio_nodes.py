@@ -48,6 +48,11 @@ def test_two_nodes_on_two_robots_cannot_be_told_apart_and_it_says_so():
     assert found.second == found.residual
 
 
+def test_known_robots_that_measured_nothing_change_nothing():
+    ranges, robots = simulated(np.random.default_rng(1)), paths()
+    assert assign(ranges, robots, robots) == assign(ranges, robots)
+
+
 def test_known_places_tell_two_nodes_on_two_robots_apart_also_without_ranges_between_these():
     robots = {name: series for name, series in paths().items() if name != "green"}
     ranges = [one for one in simulated(np.random.default_rng(4)) if "n4" not in (one.first, one.second)]

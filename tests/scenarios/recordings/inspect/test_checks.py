@@ -212,6 +212,7 @@ def test_offsets_of_single_robots_are_one_setting_by_name():
     assert re.search(r"heading_offset = { r0 = -0\.[67]\d*, r2 = 1\.[12]\d* }", settings.pop())
 
 
+@pytest.mark.slow
 def test_a_bias_is_calibrated_of_cameras_and_fitted_of_radios():
     for world, channel, setting in (
         ("camera", "sighting", "calibrate the camera"),
@@ -221,6 +222,7 @@ def test_a_bias_is_calibrated_of_cameras_and_fitted_of_radios():
         assert found.setting.startswith(setting)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [3, 4, 6])
 def test_places_that_ranges_fit_are_those_before_they_were_moved(seed):
     clean = team_log("camera", seed)
