@@ -89,8 +89,9 @@ def span(log: TeamLog) -> tuple[float, float]:
 
 def require_common_time(log: TeamLog) -> None:
     """Refuse readings of which none lies between the first odometry and the last: their clock is another."""
-    begin, end = min(s.time[0] for s in log.odometry), max(s.time[-1] for s in log.odometry)
-    for readings in log.readings.values():
+    stamps = np.array([s.time[[0, -1]] for s in log.odometry if len(s.time)])
+    begin, end = np.min(stamps, initial=np.inf), np.max(stamps, initial=-np.inf)
+    for readings in (r for r in log.readings.values() if len(r.time) and stamps.size):
         first, last = readings.time[[0, -1]]
         if first > end or last < begin:
             raise BadInput(

@@ -373,16 +373,20 @@ class TeamScenario(schema.Model):
 
     @cached_property
     def left_out(self) -> dict[str, str]:
-        """Sentences on the runs that `all` leaves out, by name: copies, and those that have no tick to be judged."""
+        """Sentences on the runs that `all` leaves out: copies, those of two clocks, those without a tick to judge."""
         sample, fit, found = self._sample, self.folder.description.fit, dict[str, str]()
         for name, other in self.folder.copies.items() if self.run == ALL else ():
             found[name] = f"{self.data}: run {name!r} was left out: it repeats run {other!r}"
         least = sample.start + (fit.seconds or 0.0) + (0.0 if sample.tick == "lines" else sample.tick)
         for name in self.folder.different if self.run == ALL else ():
-            try:
+            begin, end = 0.0, 0.0
+            with suppress(BadInput):
                 begin, end = sampling.span(self.folder.log(name))
-            except BadInput:
-                begin, end = 0.0, 0.0
+            try:
+                sampling.require_common_time(self.folder.log(name))
+            except BadInput as e:
+                found[name] = f"{e}; it was left out"
+                continue
             if end - begin < least or end == begin:
                 found[name] = f"{self.data}: run {name!r} has no tick to be judged; it was left out"
         return found

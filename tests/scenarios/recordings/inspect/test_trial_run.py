@@ -234,6 +234,21 @@ def test_readings_by_another_clock_are_refused_until_its_offset_is_stated(tmp_pa
 
 
 @pytest.mark.slow
+def test_a_run_whose_readings_are_of_another_clock_is_left_out_of_all(tmp_path):
+    for seed, run in enumerate(("monday", "tuesday", "friday"), 1):
+        files = two_robots(seed=seed, seconds=40)
+        files["uwb.csv"]["time"] = files["uwb.csv"]["time"] + 1000.0 * (run == "tuesday")
+        write(tmp_path / "team" / run, files)
+    found = cl.inspect(tmp_path / "team")
+    found.write()
+    assert not found.inspected.trial.problem
+    scenario = resolve("log/all", data=tmp_path / "team").model
+    assert scenario.count() == 2
+    assert [*scenario.left_out] == ["tuesday"]
+    assert re.search("share no time: state clock_offset.*; it was left out", scenario.left_out["tuesday"])
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize(("late", "table"), [((), "truth"), (("odom_red.csv", "uwb.csv"), "odometry")])
 def test_a_robot_with_a_clock_of_its_own_is_told_from_a_truth_with_another(tmp_path, late, table):
     files = two_robots(seconds=60)
