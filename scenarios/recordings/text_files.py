@@ -103,10 +103,11 @@ class TextTable(NamedTuple):
 
 
 def files_below(folder: Path) -> list[Path]:
-    """Return the files below a folder, sorted; of a folder that is a link, too, as where data lies on another disk."""
+    """Return the files below a folder, sorted; also of links to other disks, but not of a study that was run here."""
     found, known = list[Path](), set[str]()
     for home, folders, names in os.walk(folder, followlinks=True):
-        if (real := os.path.realpath(home)) in known:  # a link may lead back
+        a_run = "manifest.json" in names and "parts" in folders
+        if a_run or (real := os.path.realpath(home)) in known:  # a link may lead back
             folders.clear()
             continue
         known.add(real)

@@ -289,6 +289,15 @@ def test_of_readings_that_are_there_for_a_part_their_models_alone_are_assumed(tm
 
 
 @pytest.mark.slow
+def test_a_run_that_was_made_in_the_folder_of_a_recording_is_no_part_of_it(tmp_path, monkeypatch):
+    cl.inspect(write(tmp_path / "team", two_robots(seconds=40))).write()
+    monkeypatch.chdir(tmp_path / "team")
+    cl.run_study("log/all", estimators=["dead-reckoning"], data=".")
+    assert [*(tmp_path / "team").glob("runs/*/manifest.json")]
+    assert cl.inspect(".", again=True).inspected.unused == ()
+
+
+@pytest.mark.slow
 def test_a_run_says_where_a_robot_has_no_odometry(tmp_path):
     files = two_robots(seconds=60)
     files["odom_red.csv"] = {name: np.delete(column, slice(250, 400)) for name, column in files["odom_red.csv"].items()}
