@@ -27,6 +27,21 @@ def test_the_only_number_beside_who_was_measured_is_a_range_unless_it_is_a_flag(
     assert guessed(tmp_path, columns)[name].quantity == quantity
 
 
+@pytest.mark.parametrize(
+    ("more", "name", "seen"),
+    [
+        ({}, "detections.csv", ["ahead", "left"]),
+        ({}, "positions.csv", ["x", "y"]),
+        ({"range": ANGLE + 1, "bearing": ANGLE / 9}, "detections.csv", ["x", "y"]),
+        ({"robot": None}, "detections.csv", ["x", "y"]),  # of a camera above all, perhaps
+    ],
+)
+def test_x_and_y_of_what_was_seen_are_ahead_and_to_the_left_if_it_is_said_who_saw(tmp_path, more, name, seen):
+    columns = {"t": range(LINES), "robot": ["a"] * LINES, "tag_id": [7] * LINES, "x": ANGLE, "y": ANGLE + 1} | more
+    found = guessed(tmp_path, {key: values for key, values in columns.items() if values is not None}, name)
+    assert [found[q].quantity for q in "xy"] == seen
+
+
 def test_the_folder_of_a_file_may_say_what_it_is_about(tmp_path):
     (tmp_path / "red.csv").write_text("t,x,y\n" + "".join(f"{k},{k},{k}\n" for k in range(LINES)))
     sides = [
