@@ -5,7 +5,7 @@ A column's robot follows from a column of names, else from the names of the file
 
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from itertools import pairwise
+from itertools import chain, pairwise
 from pathlib import Path
 from typing import Any
 
@@ -298,10 +298,14 @@ def _draft_run(folder: Path, data: Path) -> tuple[Draft, tuple[str, ...]]:
 
 
 def _of_files(part: TablePart, robots: Sequence[str]) -> list[TablePart]:
-    """Return a part for each file of readings whose lines name the robots, and whose names do not."""
-    named = naming.file_pattern(part.file_names, robots)[1]
+    """Return a part for each file of readings, if their lines name the robots, their names do not, and they differ.
+
+    Of the same things, as uwb_raw.csv and uwb_filtered.csv are, one alone should be read.
+    """
+    named, others = naming.file_pattern(part.file_names, robots)[1], _others(part)
     of_robots = {*named, *naming.match_names(named, robots).values()} & {*robots}
-    if part.table in READINGS and "robot" in part.columns and named and not of_robots:
+    differ = len(others) == len(part.files) and len({*chain(*others)}) == sum(map(len, others))
+    if part.table in READINGS and "robot" in part.columns and named and not of_robots and differ:
         return [part._replace(files=(file,)) for file in part.files]
     return [part]
 
@@ -472,7 +476,8 @@ def _whose(
     elif part.table == "ranges" and (len(robots), len(files), len(part.each), len(fixed)) == (2, 1, 1, 0):
         file = Entry("file", files[0], "a range is of both robots", "perhaps")
     else:
-        return f"{names}: looks like {part.table}, but does not say whose it is; add a column `robot`"
+        lack = "add a column `robot`" if "robot" not in columns else "keep one of these files, or call them by robots"
+        return f"{names}: looks like {part.table}, but does not say whose it is; {lack}"
     return file, columns, nodes, why_nodes
 
 

@@ -213,6 +213,17 @@ def test_slant_ranges_to_high_anchors_are_found_and_corrected(team, heights):
         cl.inspect(folder)
 
 
+def test_of_two_files_of_the_same_ranges_one_is_to_be_chosen(team):
+    def twice(files):
+        lines = files.pop("uwb.csv")
+        return {**files, "uwb_raw.csv": lines, "uwb_filtered.csv": lines.assign(range=lines["range"].round(1))}
+
+    found = cl.inspect(team(twice)).inspected
+    assert "range" not in found.log.readings
+    (line,) = (line for line in found.unused if "looks like ranges" in line)
+    assert line.endswith("keep one of these files, or call them by robots")
+
+
 def test_columns_beside_a_range_that_are_none(team):
     def measured(files):
         lines = with_anchors(files)["uwb.csv"]
