@@ -153,7 +153,7 @@ def name_radios(draft: Draft, log: TeamLog, place: Path, description: schema.Tea
         if found.residual < min(VAGUE, found.second / SURE):
             why = f"ranges fit the true distances to {found.residual:.2g} m, and the next best to {found.second:.2g} m"
             for k, one in enumerate(tables):
-                if one.name in READINGS and ("file", table.file) in {entry[:2] for entry in one.entries[:2]}:
+                if one.name in READINGS and ("file", table.file) in [entry[:2] for entry in one.entries]:
                     before = next((entry.value for entry in one.entries if entry.key == "nodes"), dict[str, str]())
                     nodes = Entry("nodes", before | {n: robot for robot, n in found.nodes.items()}, why, "likely")
                     tables[k] = one._replace(entries=(*(e for e in one.entries if e.key != "nodes"), nodes))

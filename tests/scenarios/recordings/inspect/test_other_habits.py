@@ -180,7 +180,8 @@ def test_radios_that_are_called_by_no_robot_are_told_by_their_ranges(team, betwe
         lines = lines if between else lines[lines["id_b"].isin(["1", "2", "3"])]
         anchors = found["anchors.csv"].replace({"id": called})
         rssi = (-40 - 20 * np.log10(lines["range"])).round(1)
-        return {**found, "uwb.csv": lines.assign(rssi=rssi), "anchors.csv": anchors}
+        stamps = lines["time"] if between else (1000 * lines["time"]).round()  # [ms]: a column with its unit
+        return {**found, "uwb.csv": lines.assign(rssi=rssi, time=stamps), "anchors.csv": anchors}
 
     found = cl.inspect(team(tags)).inspected
     assert found.text.count('nodes = { 17 = "blue", 0xA1 = "red" }') == 2  # of ranges and of RSSI
