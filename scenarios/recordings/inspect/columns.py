@@ -157,6 +157,7 @@ RELATIVE = {"dx": "ahead", "dy": "left"}  # quantities that are of places if a c
 MEASURED = {*RELATIVE, "range", "rssi", "bearing", "ahead", "left", "x", "speed"}
 FLAGS = 10  # values that a column without a quantity may have and be no measurement
 PART = "part of a quaternion"
+BESIDE = "beside who was seen, perhaps"
 OF_FLIGHT = "a time of flight: write the range, 0.299792458 m for each ns"
 
 
@@ -227,7 +228,7 @@ def _seen_at(table: CsvTable, guesses: list[Guess]) -> list[Guess]:
     measured = {"range", "bearing", "ahead"} & there
     if len(places) < 2 or measured or "robot" not in there or not naming.SEEN & {*naming.words_of(table.name)}:
         return guesses
-    x, y, why = places["x"], places["y"], "beside who was seen, perhaps"
+    x, y, why = places["x"], places["y"], BESIDE
     new = {x.column: ("ahead", x.unit), y.column: ("left", y.unit)}
     depth = x.column.replace("x", "z")
     if depth in table.columns and (table.numbers(depth) > 0).mean() > 0.95:

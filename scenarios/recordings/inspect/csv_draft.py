@@ -15,6 +15,7 @@ from ruamel.yaml import YAML
 from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.recordings.inspect import naming
 from cooploc.scenarios.recordings.inspect.columns import (
+    BESIDE,
     PART,
     SEVERAL_KINDS,
     CsvTable,
@@ -269,6 +270,9 @@ def _draft_run(folder: Path, data: Path) -> tuple[Draft, tuple[str, ...]]:
     halved = {part.table for file in files for part in parts_of(file, True)}
     halves = "odometry" not in tables_found and {"odometry", "turns"} <= halved
     parts = merge_parts([part for file in files for part in parts_of(file, halves)], unused)
+    if "truth" not in {part.table for part in parts}:  # then a camera above all of them saw what is in such a file
+        files = [_seen_from_above(file) for file in files]
+        parts = merge_parts([part for file in files for part in parts_of(file, halves)], [])
     lacking = {file.name: lack for file in files if (lack := why_no_table(file, halves))}
     there = {part.table for part in parts}
     for needed in [table for table in LOOKS if table not in there]:
@@ -295,6 +299,13 @@ def _draft_run(folder: Path, data: Path) -> tuple[Draft, tuple[str, ...]]:
             unused.append(table)
     unused += _left_columns(files, parts)
     return Draft(tuple(entries), tuple(tables.values()), _column_rows(files), tuple(unused), doubts), robots
+
+
+def _seen_from_above(file: CsvTable) -> CsvTable:
+    """Return the file with x and y in place of what was taken for ahead and left."""
+    back = {"ahead": "x", "left": "y"}
+    guesses = (g._replace(quantity=back[g.quantity]) if g.reason == BESIDE else g for g in file.guesses)
+    return file._replace(guesses=tuple(guesses))
 
 
 def _of_files(part: TablePart, robots: Sequence[str]) -> list[TablePart]:

@@ -156,6 +156,20 @@ def test_markers_by_number_and_place_are_of_robots_that_were_seen(team, camera):
     assert np.nanmax(np.abs(np.angle(np.exp(1j * off)))) < 0.2
 
 
+def test_detections_of_a_camera_above_all_are_the_truth_if_there_is_no_other(team):
+    def above(files):
+        seen = [
+            files.pop(f"truth_{r}.csv").assign(robot=r, tag_id=k)[["time", "robot", "tag_id", "x", "y"]]
+            for k, r in enumerate(("red", "blue"), 5)
+        ]
+        return {**files, "detections.csv": pd.concat(seen).sort_values("time", kind="stable")}
+
+    found = cl.inspect(team(above)).inspected
+    assert not found.trial.problem
+    assert all(truth is not None for truth in found.log.truth)
+    assert {*found.log.readings} == {"range"}
+
+
 def test_radios_in_the_files_of_robots_are_told_by_their_ranges(team):
     def own(files):
         found = with_anchors(files)
