@@ -42,8 +42,8 @@ class NoCompass(BaseModel):
     def radio(self) -> Paper:
         """Return the same arena, whose robots have a compass."""
         shared = set(NoCompass.model_fields) & set(Paper.model_fields)
-        no_step = self.side / 2  # these robots move by `speed`, and there are no obstacles
-        return Paper(**{name: getattr(self, name) for name in shared - {"turn"}}, step=no_step)
+        unused = self.side / 2  # a step that fits the arena; only obstacles would take it
+        return Paper(**{name: getattr(self, name) for name in shared - {"turn"}}, step=unused)
 
     def world(self) -> World:
         """Return this world as the team knows it in advance."""

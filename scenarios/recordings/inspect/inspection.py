@@ -28,6 +28,7 @@ from cooploc.scenarios.recordings.text_files import files_below, is_text
 NOT_FALLING, NO_RSSI = "does not fall with distance", "[rssi] is left out of log.toml"
 ARCHIVES = (".zip", ".tar", ".tgz", ".gz", ".bz2", ".xz", ".7z", ".rar")
 WITH_LENGTHS = (("truth", "ranges", "sightings"), ("truth",), ("ranges", "sightings"))  # tables
+MOST_RADIOS = 30  # names that are told by their ranges; more are numbers of something else
 TOO_LITTLE = "too little for"  # in the problem of a recording that is too short to be fitted
 
 
@@ -142,8 +143,9 @@ def name_radios(draft: Draft, log: TeamLog, place: Path, description: schema.Tea
         known = truth | dict(zip(fixed.names, fixed.positions, strict=True))
         measured = csv_files.read_measurements(files, table, (*log.robots, *fixed.names))
         parts = [pd.DataFrame({"a": m.robot, "b": m.other, "t": m.time, "r": m.values[:, 0]}) for m in measured]
-        lines = pd.concat(parts)
-        if {*lines["a"], *lines["b"]} <= {*log.robots, *fixed.names} or len(truth) < 2:
+        lines = pd.concat(parts).query("a != '' and b != '' and a != b")
+        unknown = {*lines["a"], *lines["b"]} - {*log.robots, *fixed.names}
+        if not 0 < len(unknown) <= MOST_RADIOS or len(truth) < 2:
             continue
         pairs = [
             NodeRanges(str(own["a"].iloc[0]), str(own["b"].iloc[0]), own["t"].to_numpy(), own["r"].to_numpy())

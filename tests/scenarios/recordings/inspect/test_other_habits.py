@@ -156,6 +156,14 @@ def test_markers_by_number_and_place_are_of_robots_that_were_seen(team, camera):
     assert np.nanmax(np.abs(np.angle(np.exp(1j * off)))) < 0.2
 
 
+def test_names_that_are_numbers_of_lines_are_no_radios(team):
+    def numbered(files):
+        lines = files["uwb.csv"]
+        return {**files, "uwb.csv": lines.assign(to=range(1000, 1000 + len(lines)))}
+
+    assert "nodes" not in cl.inspect(team(numbered)).log_toml
+
+
 def test_detections_of_a_camera_above_all_are_the_truth_if_there_is_no_other(team):
     def above(files):
         seen = [
@@ -193,7 +201,11 @@ def test_radios_that_are_called_by_no_robot_are_told_by_their_ranges(team, betwe
         lines = found["uwb.csv"].replace({"from": called, "to": called}).rename(columns={"from": "id_a", "to": "id_b"})
         lines = lines if between else lines[lines["id_b"].isin(["1", "2", "3"])]
         anchors = found["anchors.csv"].replace({"id": called})
-        rssi = (-40 - 20 * np.log10(lines["range"])).round(1)
+        itself = lines.iloc[:20].assign(
+            id_b=lines["id_a"].iloc[:20], range=0.0
+        )  # as radios write that list all in reach
+        lines = pd.concat([lines, itself]).sort_values("time", kind="stable")
+        rssi = (-40 - 20 * np.log10(lines["range"].clip(lower=0.1))).round(1)
         stamps = lines["time"] if between else (1000 * lines["time"]).round()  # [ms]: a column with its unit
         return {**found, "uwb.csv": lines.assign(rssi=rssi, time=stamps), "anchors.csv": anchors}
 
