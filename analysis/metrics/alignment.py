@@ -23,6 +23,10 @@ STANDING = 0.05  # [m] a robot whose path is no larger does not move
 MIRRORED = 0.3  # a path fits so much better once it is mirrored: its frame is
 SHIFTS = np.linspace(-2.0, 2.0, 81)  # [s] by which the stamps of a path may be off
 SHIFTED = 0.5  # a path fits so much better at other times, or in another size: its clock, or its scale, is off
+ELSEWHERE = 0.2  # it fits so much better in another frame, beside another robot, or at far other times
+FASTEST, SLOWEST = 30.0, 0.001  # [m/s] mean speeds of robots that move; others are of other units
+TURNED = 0.25  # [rad] by which headings may differ from whole quarters of a turn, in which they are stated
+HELD, JUMP = 0.1, 3  # [m] that a robot moves while its true pose is held, and the usual steps by which that jumps then
 BLOCKS = 10  # into which ticks are cut, to see in which axes covariances fit
 
 
@@ -53,14 +57,19 @@ def match_trajectories(
     paths = {robot: true[robot].x[index] for robot, (index, _) in matched.items()}
     remarks = [note for team in (true, *teams.values()) for one in team.values() for note in one.notes]
     remarks = list(dict.fromkeys(remarks)) + _shared_remarks(true, teams, paths, largest)
+    remarks += filter(None, (_speed_remark(f"truth: robot {robot!r}", one) for robot, one in true.items()))
     chosen: dict[str, Team] = {}
     for name, team in teams.items():
         rows = {robot: matched[robot][1][name] for robot in true}
         there = {robot: team[robot].select(rows[robot]) for robot in true}
         chosen[name], said = _align(name, there, paths, align, axes)
         remarks += said
-        clocks = (_clock_remark(f"{name}: robot {robot!r}", team[robot], true[robot]) for robot in true)
-        remarks += filter(None, clocks)
+        for robot in true:
+            of = f"{name}: robot {robot!r}"
+            named = _name_remark(of, robot, team, true)
+            remarks += filter(None, [named or _clock_remark(of, team[robot], true[robot])])
+    first = next(iter(chosen.values()))
+    remarks += filter(None, (_held_remark(robot, first[robot], path) for robot, path in paths.items()))
     return Matched(truth.resolve().name, paths, chosen, tuple(remarks))
 
 
@@ -75,6 +84,8 @@ def _common(
             nearest_true, rows = match_stamps(t, own, np.inf)
             away = np.abs(own[rows] - t[nearest_true]).max()
             remedy = "; ".join(["write both by one clock", *dict.fromkeys((*true.notes, *teams[name][robot].notes))])
+            if found := _best_shift(teams[name][robot], true):
+                remedy += f", such as with {found[0]:.2f} s added to its own"
             if len(t) > 1 and away < GAP * np.median(np.diff(t)):  # one clock, and stamps between those of the truth
                 remedy = f"interpolate the true poses at its stamps, or allow more by --within {away:.2g}"
             raise BadInput(
@@ -101,9 +112,8 @@ def _shared_remarks(true: Team, teams: Mapping[str, Team], paths: Mapping[str, A
             steps, span = np.diff(stamps[[0, *index, -1]]), stamps[-1] - stamps[0]
             away = steps[steps > GAP * np.median(np.diff(stamps[index]))].sum() if len(index) > 1 else 0.0
             if away > 0.1 * span:
-                remarks.append(
-                    f"{name}: robot {robot!r} has no poses in {away:.4g} of {span:.4g} s, and is not judged there"
-                )
+                near = f"no poses within {largest:g} s of true ones in {away:.4g} of {span:.4g} s"
+                remarks.append(f"{name}: robot {robot!r} has {near}, and is not judged there")
         if len(path) < 0.9 * most:
             remarks.append(f"robot {robot!r}: {len(path)} of {most} poses are judged; not every method has the others")
         if np.ptp(path[:, :2], axis=0).max() < STANDING:
@@ -134,7 +144,12 @@ def _align(
     if all(np.isnan(one.P[:, :2, :2]).all() for one in team.values()):
         remarks.append(f"{name} has no covariances, or zeros alone: its consistency is not known")
     everywhere = ([one.x for one in team.values()], paths.values())
-    together = fit_frame(*(np.concatenate([x[:, :2] for x in all_of]) for all_of in everywhere))
+    x, truths = (np.concatenate([x[:, :2] for x in all_of]) for all_of in everywhere)
+    together, plain = fit_frame(x, truths), rms(x - truths)
+    is_apart = align == "none" and len(team) > 1 and together[2] < ELSEWHERE * plain
+    if is_apart:
+        errs = f"{name} errs by {plain:.3g} m, and by {together[2]:.3g} m once all robots are aligned together"
+        remarks.append(f"{errs}: if it is in another frame, --align team")
     for robot, one in team.items():
         true, of = paths[robot], f"{name}: robot {robot!r}"
         _require_units(of, one.x, true)
@@ -143,9 +158,11 @@ def _align(
         if mirrored < MIRRORED * residual:
             fits = f"it fits the truth to {mirrored:.3g} m with y turned round, and to {residual:.3g} m as it is"
             raise BadInput(f"{of} has a mirrored path: {fits}: write it with x forward and y left")
-        plain = float(np.sqrt(((one.x[:, :2] - true[:, :2]) ** 2).sum(1).mean()))
+        plain = rms(one.x[:, :2] - true[:, :2])
         remarks += filter(None, [_scale_remark(of, one.x[:, :2], true[:, :2], angle, residual)])
-        if align == "none" and residual < plain / 5:
+        if residual < ELSEWHERE * spread_of(true):
+            remarks += filter(None, [_heading_remark(of, one.x[:, 2] + angle, true[:, 2])])
+        if align == "none" and not is_apart and residual < ELSEWHERE * plain:
             errs = f"{of} errs by {plain:.3g} m, and by {residual:.3g} m once aligned"
             remarks.append(f"{errs}: if it is in another frame, --align se2")
         if singular := np.count_nonzero(one.P[:, 0, 0] * one.P[:, 1, 1] == one.P[:, 0, 1] ** 2):
@@ -176,7 +193,7 @@ def _scale_remark(of: str, x: Array, true: Array, angle: float, residual: float)
     """
     a, b = (x - x.mean(0)) @ rotation(angle).T, true - true.mean(0)
     scale = float((a * b).sum() / max((a**2).sum(), 1e-12))
-    scaled = float(np.sqrt(((b - scale * a) ** 2).sum(1).mean()))
+    scaled = rms(b - scale * a)
     if not scaled < SHIFTED * residual:
         return ""
     fits = f"fits the truth to {residual:.3g} m once aligned, and to {scaled:.3g} m with lengths times {scale:.3g}"
@@ -185,7 +202,19 @@ def _scale_remark(of: str, x: Array, true: Array, angle: float, residual: float)
 
 def _clock_remark(of: str, one: Trajectory, true: Trajectory) -> str:
     """Return a remark where a path fits the truth far better at earlier or later times; "" else."""
-    few = one.select(np.unique(np.linspace(0, len(one.stamp) - 1, 1000).astype(int)))
+    if not (found := _best_shift(one, true)):
+        return ""
+    shift, best, now = found
+    fits = f"fits the truth to {now:.3g} m once aligned, and to {best:.3g} m with {shift:.3g} s added to its stamps"
+    return f"{of} {fits}: if clocks differ, add them"
+
+
+def _best_shift(one: Trajectory, true: Trajectory) -> tuple[float, float, float] | None:
+    """Return the shift [s] of its stamps with which a path fits the truth far better, the misfit [m] then and now.
+
+    Now is infinite where the stamps of both share little time: then the shift begins at that of their first stamps.
+    """
+    few = _thin(one)
 
     def misfit(shift: float) -> float:
         at = few.stamp + shift
@@ -195,17 +224,79 @@ def _clock_remark(of: str, one: Trajectory, true: Trajectory) -> str:
         path = np.stack([np.interp(at[inside], true.stamp, true.x[:, k]) for k in range(2)], -1)
         return fit_frame(few.x[inside, :2], path)[2]
 
-    misfits = [misfit(shift) for shift in SHIFTS.tolist()]
-    shift, best, now = float(SHIFTS[np.argmin(misfits)]), min(misfits), misfit(0.0)
-    if not best < SHIFTED * now < np.inf:
+    def search(shifts: Array) -> tuple[float, float]:
+        misfits = [misfit(shift) for shift in shifts.tolist()]
+        return float(shifts[np.argmin(misfits)]), min(misfits)
+
+    now, (shift, best) = misfit(0.0), search(SHIFTS)
+    if best < SHIFTED * now < np.inf:
+        return shift, best, now
+    start = 0.0 if now < np.inf else true.stamp[0] - few.stamp[0]
+    far = start + np.linspace(-0.5, 0.5, 401) * np.ptp(true.stamp)
+    shift, best = search(search(far)[0] + SHIFTS / SHIFTS[-1] * (far[1] - far[0]))
+    return (shift, best, now) if best < ELSEWHERE * min(now, spread_of(true.x)) else None
+
+
+def _thin(one: Trajectory) -> Trajectory:
+    """Return at most a thousand poses, evenly spread."""
+    return one.select(np.unique(np.linspace(0, len(one.stamp) - 1, 1000).astype(int)))
+
+
+def _name_remark(of: str, robot: str, team: Team, truth: Team) -> str:
+    """Return a remark where a path fits that of another robot far better, as if their names were exchanged; "" else."""
+    path, misfits = _thin(team[robot]), {}
+    for name, true in truth.items():
+        at = np.stack([np.interp(path.stamp, true.stamp, true.x[:, k], np.nan, np.nan) for k in range(2)], -1)
+        there: Mask = np.asarray(np.isfinite(at).all(1))
+        misfits[name] = fit_frame(path.x[there, :2], at[there])[2] if there.mean() > 0.5 else np.inf
+    best = min(misfits, key=lambda name: misfits[name])
+    if not misfits[best] < ELSEWHERE * misfits[robot] or misfits[robot] < STANDING:
         return ""
-    fits = f"fits the truth to {now:.3g} m once aligned, and to {best:.3g} m with {shift:.3g} s added to its stamps"
-    return f"{of} {fits}: if clocks differ, add them"
+    fits = f"fits the truth to {misfits[robot]:.3g} m once aligned, and that of {best!r} to {misfits[best]:.3g} m"
+    return f"{of} {fits}: are names exchanged?"
+
+
+def _heading_remark(of: str, heading: Array, true: Array) -> str:
+    """Return a remark where headings (T,) are off by quarters of a turn, or turn the other way; "" else."""
+    known = np.isfinite(heading) & np.isfinite(true)
+    if known.sum() < 3:
+        return ""
+    differ, turns = (complex(np.exp(1j * (true[known] + sign * heading[known])).mean()) for sign in (-1, 1))
+    off = float(np.angle(differ))
+    quarters = round(off / (np.pi / 2))
+    if abs(differ) > 0.9 and quarters and abs(off - quarters * np.pi / 2) < TURNED:
+        return f"{of} has headings that are off by {np.degrees(off):.3g} degrees: are they those from x to y?"
+    if abs(turns) > 0.9 and abs(differ) < 0.7:
+        return f"{of} has headings that fit the truth with the other sign: are they counter-clockwise?"
+    return ""
+
+
+def _speed_remark(of: str, true: Trajectory) -> str:
+    """Return a remark where a robot moves at a speed of other units than m and s; "" else."""
+    stamps, span = true.stamp, np.ptp(true.stamp)
+    rows = np.unique(np.searchsorted(stamps, np.linspace(stamps[0], stamps[-1], BLOCKS**2)))
+    length = np.hypot(*np.diff(true.x[rows, :2], axis=0).T).sum()
+    if not span or np.ptp(true.x[:, :2], axis=0).max() < STANDING or SLOWEST < length / span < FASTEST:
+        return ""
+    return f"{of} moves at {length / span:.3g} m/s: are its lengths in m, and its stamps in s?"
+
+
+def _held_remark(robot: str, one: Trajectory, true: Array) -> str:
+    """Return a remark where true poses (T, 3) stay the same to the last digit, then jump as the robot did; "" else."""
+    same = np.concatenate([[False], (np.diff(true[:, :2], axis=0) == 0).all(1), [False]])
+    first, last = np.flatnonzero(np.diff(same.astype(int)) == 1), np.flatnonzero(np.diff(same.astype(int)) == -1)
+    after = np.minimum(last + 1, len(true) - 1)
+    moved, jump = (np.hypot(*step.T) for step in (one.x[last, :2] - one.x[first, :2], true[after, :2] - true[last, :2]))
+    step = np.median(np.hypot(*np.diff(one.x[:, :2], axis=0).T)) if len(true) > 1 else 0.0
+    if not (held := (moved > HELD) & (jump > moved / 2) & (jump > JUMP * step)).any():
+        return ""
+    stay = f"stay the same in {(one.stamp[last] - one.stamp[first])[held].sum():.4g} s, in which it moves"
+    return f"truth: the poses of robot {robot!r} {stay} {moved[held].sum():.3g} m: leave them out"
 
 
 def _require_units(of: str, x: Array, true: Array) -> None:
     """Refuse a path (T, 3) that fits the true one in another unit of length, or whose headings do as degrees."""
-    spread, size = (float(np.sqrt(path[:, :2].var(0).sum())) for path in (true, x))
+    spread, size = spread_of(true), spread_of(x)
     times = size / spread if spread > STANDING and size > 0 else 1.0
     if not 0.1 < times < 10 and fit_frame(x[:, :2] / times, true[:, :2])[2] < MIRRORED * spread:
         raise BadInput(f"{of} has the true path {times:.3g} times as large: write m, or name its columns x_mm, y_mm")
@@ -213,6 +304,16 @@ def _require_units(of: str, x: Array, true: Array) -> None:
     as_it_is, as_degrees = (abs(np.exp(1j * (true[both, 2] - h)).sum()) for h in (x[both, 2], np.radians(x[both, 2])))
     if as_it_is < 0.5 * both.sum() < 0.9 * both.sum() < as_degrees:
         raise BadInput(f"{of} has headings that fit the truth as degrees: write rad, or name the column heading_deg")
+
+
+def spread_of(x: Array) -> float:
+    """Return the root mean square distance [m] of places (T, 2 or more) from their mean."""
+    return float(np.sqrt(x[:, :2].var(0).sum()))
+
+
+def rms(x: Array) -> float:
+    """Return the root mean square length of vectors (T, 2)."""
+    return float(np.sqrt((x**2).sum(1).mean()))
 
 
 def rotation(angle: float | Array) -> Array:
@@ -232,7 +333,7 @@ def fit_frame(a: Array, b: Array) -> tuple[float, Array, float]:
     )
     shift = b.mean(0) - rotation(angle) @ a.mean(0)
     left = from_b - from_a @ rotation(angle).T
-    return angle, shift, float(np.sqrt((left**2).sum(1).mean()))
+    return angle, shift, rms(left)
 
 
 def turn_covariances(P: Array, angle: Array) -> Array:

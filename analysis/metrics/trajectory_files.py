@@ -73,6 +73,7 @@ AXES = {"x": 0, "y": 1, **dict.fromkeys(("h", "th", "theta", "yaw", "phi", "psi"
 OF_ROS = {0: 0, 1: 1, 5: 2}  # rows of P by those of ROS's 6 x 6
 _AXIS, _DEVIATION = "|".join(AXES), "sigma|std|stddev|sd"
 ENTRY = re.compile(rf"(?:pose|position)?((p|c)|cov|covariance|var|variance|{_DEVIATION})?({_AXIS})({_AXIS})?")
+NUMBERED = re.compile(r"(?:.*[^a-z])?(p|c|cov|sigma)[\W_]{0,2}(\d)[\W_]*(\d)\W?", re.IGNORECASE)  # P01, cov[0][1]
 OTHER_UNITS = {"mm", "cm", "deg", "degs", "degree", "degrees"}  # than m and rad
 KITTI = 12  # numbers in a line: the upper three rows of a 4 x 4 matrix
 TRIANGLE = {d: np.triu_indices(d) for d in (2, 3)}
@@ -346,6 +347,9 @@ def _read_columns(
     units = [UNITS[SI.get(g.quantity, "m")].get(name_meaning(g.column)[1], 1.0) for g in placed if g.quantity != "nsec"]
     units += [1e-9] * ("nsec" in clock)
     n, values, notes = len(placed), table.values, table.notes
+    if entries and units[0] != 1.0:
+        remedy = f"whose unit is not told, beside {placed[0].column}: write all of m and rad"
+        raise BadInput(f"{path} has {entries[0][-1]}, {remedy}")
     of_turns, x = values[:, n : n + len(turns)], np.full((len(values), 3), np.nan)
     x[:, :2] = values[:, :2] * units[:2]
     if len(turns) > 1:
@@ -402,7 +406,7 @@ def _matrices_of(values: Array, entries: Sequence[CovarianceColumn]) -> tuple[Ar
 
 def _entries_of(path: Path, head: Mapping[str, str]) -> list[CovarianceColumn]:
     """Return the columns of covariances among those of a file; refuse other units than m and rad, and half of them."""
-    entries = sorted(entry for name, named in head.items() if (entry := _entry_of(named, name)))
+    entries = sorted(entry for name, named in _letter_rows(head).items() if (entry := _entry_of(named, name)))
     own = {row for _, row, other, _ in entries if row == other} & {0, 1}
     names = ", ".join(name for *_, name in entries)
     if len(own) == 1:
@@ -410,6 +414,20 @@ def _entries_of(path: Path, head: Mapping[str, str]) -> list[CovarianceColumn]:
     if odd := [name for *_, name in entries if OTHER_UNITS & {*words_of(name)}]:
         raise BadInput(f"{path}: {odd[0]} has another unit: write covariances, or deviations, of m and rad")
     return entries if own else []  # x_h and y_h alone are of places
+
+
+def _letter_rows(head: Mapping[str, str]) -> dict[str, str]:
+    """Return names with letters for the rows and columns of a matrix: P00, P01, P11 as of numpy, P11, P12 as of MATLAB.
+
+    A matrix of more than three rows has states that are not known.
+    """
+    found = {name: NUMBERED.fullmatch(named) for name, named in head.items()}
+    rows = {int(row) for m in found.values() if m for row in m.groups()[1:]}
+    letters = {row: letter for row, letter in zip(sorted(rows), "xyh", strict=False) if len(rows) in (2, 3)}
+    return {
+        name: f"{m[1]}{letters[int(m[2])]}{letters[int(m[3])]}" if (m := found[name]) and letters else named
+        for name, named in head.items()
+    }
 
 
 def _entry_of(named: str, column: str) -> CovarianceColumn | None:
