@@ -4,7 +4,8 @@ Poses and stamps are matched and aligned as evo does (M. Grupp, github.com/Micha
 up to a largest difference.
 """
 
-from collections.abc import Mapping
+import re
+from collections.abc import Iterable, Iterator, Mapping
 from functools import reduce
 from pathlib import Path
 from typing import NamedTuple
@@ -27,6 +28,7 @@ ELSEWHERE = 0.2  # it fits so much better in another frame, beside another robot
 FASTEST, SLOWEST = 30.0, 0.001  # [m/s] mean speeds of robots that move; others are of other units
 TURNED = 0.25  # [rad] by which headings may differ from whole quarters of a turn, in which they are stated
 HELD, JUMP = 0.1, 3  # [m] that a robot moves while its true pose is held, and the usual steps by which that jumps then
+FEW = 4  # remarks of one kind, of different robots
 BLOCKS = 10  # into which ticks are cut, to see in which axes covariances fit
 
 
@@ -70,7 +72,18 @@ def match_trajectories(
             remarks += filter(None, [named or _clock_remark(of, team[robot], true[robot])])
     first = next(iter(chosen.values()))
     remarks += filter(None, (_held_remark(robot, first[robot], path) for robot, path in paths.items()))
-    return Matched(truth.resolve().name, paths, chosen, tuple(remarks))
+    return Matched(truth.resolve().name, paths, chosen, tuple(shorten(remarks)))
+
+
+def shorten(remarks: Iterable[str]) -> Iterator[str]:
+    """Yield the first few of remarks that differ in robots and numbers alone, and how many more there are."""
+    kinds: dict[str, list[str]] = {}
+    for remark in remarks:
+        kinds.setdefault(re.sub(r"robot '.*?'|[-+]?\d[\d.e+-]*", "", remark), []).append(remark)
+    for alike in kinds.values():
+        yield from alike[:FEW]
+        if len(alike) > FEW:
+            yield f"{len(alike) - FEW} more like the last"
 
 
 def _common(

@@ -20,7 +20,6 @@ CLOSE = (
     "stone_soup.py:StoneSoupParticles",
 )
 WORLDS = ("robots-1-3/n=3", "camera/n=3")
-CHECKED = (SAME[0], "gtsam_map.py:GtsamMap")  # one of each library in the lock
 
 
 def peer(name):
@@ -69,8 +68,7 @@ def test_other_approximations_stay_within_what_ours_says_of_itself(name, label):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", CHECKED)
-def test_one_of_each_library_passes_every_check(name, short_streams):
-    report = check_estimator(peer(name), isolate=False)
+def test_a_filter_of_filterpy_passes_every_check(short_streams):
+    report = check_estimator(peer(SAME[0]), isolate=False)
     assert report.passed, report.table()
     assert all(result.status == "passed" for result in report.results)

@@ -8,7 +8,7 @@ import pytest
 from made_trajectories import frame_of, paths_of_all
 
 from cooploc import BadInput
-from cooploc.analysis.metrics.alignment import match_stamps, rotation
+from cooploc.analysis.metrics.alignment import match_stamps, rotation, shorten
 from cooploc.analysis.metrics.external import judge_trajectories
 
 
@@ -117,3 +117,9 @@ def test_of_clocks_that_share_no_time_it_is_said_what_to_add(late):
     true, mine = (frame_of(t + s, paths[name]["red"]) for name, s in (("truth", 0.0), ("mine", late)))
     with pytest.raises(BadInput, match=f"write both by one clock, such as with -{late:.0f}\\.0\\d s added to its own"):
         judge_trajectories(true, {"mine": mine})
+
+
+def test_of_remarks_on_many_robots_a_few_are_said():
+    clocks = [f"mine: robot 'r{k}' fits to {k / 7:.3g} m with -{k} s added" for k in range(10)]
+    said = list(shorten(["a note", *clocks, "mine: robot 'r1' stands"]))
+    assert said == ["a note", *clocks[:4], "6 more like the last", "mine: robot 'r1' stands"]
