@@ -310,6 +310,25 @@ def _against(
 OF_TEAM = ("team ", "sightings")  # what readings of teammates begin with
 
 
+def table_warnings(table: pd.DataFrame) -> list[str]:
+    """Return what a reader must know of a table of `compare`: other readings, fewer trials, trials that decide."""
+    return [*reading_warnings(table), *trial_warnings(table), *outlier_warnings(table)]
+
+
+def trial_warnings(table: pd.DataFrame) -> list[str]:
+    """Return a sentence on each estimator that lacks trials which others of its scenario have.
+
+    A run that stops what is decided does so on purpose.
+    """
+    there = table["trials"] + table["failed"]
+    rows = table.assign(there=there, most=there.groupby(table["scenario"]).transform("max"))
+    return [
+        f"{row['scenario']}, {shorten_labels(row['estimator'])}: {row['there']} trials, and others {row['most']}: its "
+        "RMSE is of these, its change of those that it shares with the baseline"
+        for row in rows[rows["there"] < rows["most"]].to_dict("records") * ("look" not in table)
+    ]
+
+
 def outlier_warnings(table: pd.DataFrame) -> list[str]:
     """Return a sentence on each row of `summarize` or `compare` whose RMSE a few trials decide."""
     ends = interval(percent)

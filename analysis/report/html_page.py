@@ -24,7 +24,7 @@ from cooploc.analysis.execution.reproduce import PAGE, embed
 from cooploc.analysis.execution.run_directory import StoredRun, select
 from cooploc.analysis.formats import join_words
 from cooploc.analysis.metrics import ranking
-from cooploc.analysis.metrics.compare import FAR, outlier_warnings, reading_warnings
+from cooploc.analysis.metrics.compare import FAR, table_warnings
 from cooploc.analysis.metrics.consistency import OVER_CONFIDENT
 from cooploc.analysis.metrics.crlb import floors
 from cooploc.analysis.metrics.errors import SENSES
@@ -172,8 +172,7 @@ def content(numbers: Numbers, ledger: Ledger) -> dict[str, Any]:
         "remarks": [
             *filter(None, [of_problem]),
             *ranking.certificate_remarks(table),
-            *reading_warnings(table),
-            *outlier_warnings(table),
+            *table_warnings(table),
         ],
         "failures": result_tables.failures(kept.rows),
         "events": events,

@@ -22,7 +22,7 @@ from cooploc.analysis.execution.run import seconds_left
 from cooploc.analysis.execution.run_directory import RunDir, read_run
 from cooploc.analysis.formats import change, count, duration, join_words, lines_about
 from cooploc.analysis.metrics import ranking
-from cooploc.analysis.metrics.compare import outlier_warnings, reading_warnings
+from cooploc.analysis.metrics.compare import table_warnings
 from cooploc.analysis.metrics.errors import drop_failed
 from cooploc.analysis.metrics.ranking import short_certificate
 from cooploc.analysis.metrics.sequential import PILOT, minutes
@@ -142,7 +142,7 @@ def show_table(
             console.print(text, style="dim")
         if every_column and (counted := events(rows)).rows:
             console.print(counted.terminal())
-    for text in (*ranking.certificate_remarks(table), *reading_warnings(table), *outlier_warnings(table)):
+    for text in (*ranking.certificate_remarks(table), *table_warnings(table)):
         console.print(text)
 
 
@@ -161,8 +161,7 @@ def results_html(found: pd.DataFrame, rows: pd.DataFrame, folder: Path) -> str:
         *names.legend(table["estimator"].unique()),
         *more,
         *ranking.certificate_remarks(table),
-        *reading_warnings(table),
-        *outlier_warnings(table),
+        *table_warnings(table),
         *lines,
     )
     return f"{text}<p>{'<br>'.join(map(escape, below))}</p>"

@@ -8,7 +8,15 @@ from scipy.stats import wilcoxon
 from statsmodels.stats.proportion import proportion_confint
 
 import cooploc as cl
-from cooploc.analysis.metrics.compare import SHORT, STATISTICS, compare, outlier_warnings, reading_warnings, summarize
+from cooploc.analysis.metrics.compare import (
+    SHORT,
+    STATISTICS,
+    compare,
+    outlier_warnings,
+    reading_warnings,
+    summarize,
+    trial_warnings,
+)
 from cooploc.analysis.metrics.consistency import COLLAPSED
 from cooploc.analysis.metrics.errors import trial_means
 from cooploc.analysis.metrics.ranking import disqualifications, letters, rank_groups
@@ -177,6 +185,14 @@ def test_a_trial_that_diverges_is_warned_of():
     assert table["outlying"].item() == pytest.approx(0.01)
     assert table["rmse_median"].item() == pytest.approx(1.0, abs=0.01)
     assert outlier_warnings(table)[0].startswith("s, a: 1 of 100 trials (")
+
+
+def test_an_estimator_that_lacks_trials_is_named_but_not_one_whose_trials_failed():
+    whole = pd.concat([rows("a", BASE), rows("b", BASE)])
+    lost = whole.assign(mse=whole["mse"].where((whole["estimator"] == "a") | (whole["trial"] > 0)))
+    assert trial_warnings(compare(whole, "a")) == trial_warnings(compare(lost, "a")) == []
+    (said,) = trial_warnings(compare(whole[(whole["estimator"] == "a") | (whole["trial"] > 2)], "a"))
+    assert said.startswith(f"s, b: {len(BASE) - 3} trials, and others {len(BASE)}: its RMSE is of these")
 
 
 def test_estimators_that_do_not_differ_share_a_letter(rng):
