@@ -209,12 +209,13 @@ def compare(errors: pd.DataFrame, baseline: str | Mapping[str, str], full: bool 
     """
     errors = require_errors(errors)
     known, scenarios = list(errors["estimator"].unique()), list(errors["scenario"].unique())
-    against = baseline if isinstance(baseline, Mapping) else dict.fromkeys(scenarios, baseline)
+    given = baseline if isinstance(baseline, Mapping) else dict.fromkeys(scenarios, baseline)
+    against = {str(scenario): str(name) for scenario, name in given.items()}
     for scenario in scenarios:
         if scenario not in against:
             raise BadInput(f"baseline names none for scenario {scenario!r}: add it")
         if (name := against[scenario]) not in known:
-            raise BadInput(f"there is no estimator {name!r} to compare with; {nearest(str(name), known)}")
+            raise BadInput(f"there is no estimator {name!r} to compare with; {nearest(name, known)}")
     demand_same_streams(errors)
     cells = trial_means(errors)
     table = _summary(errors, cells)
@@ -238,6 +239,7 @@ def compare(errors: pd.DataFrame, baseline: str | Mapping[str, str], full: bool 
 
 
 OWN = ("estimator", "trial", "rmse")  # columns that a table made elsewhere must have
+NOT_A_NUMBER = {"", "nan", "na", "none"}  # which stand for a trial that failed
 
 
 def require_errors(errors: object) -> pd.DataFrame:
@@ -248,6 +250,7 @@ def require_errors(errors: object) -> pd.DataFrame:
     wanted = f"it must be the table that cl.errors returns, results.rows of a study, or one with {', '.join(OWN)} [m]"
     if not isinstance(errors, pd.DataFrame):
         raise BadInput(f"errors is of type {type(errors).__name__}; {wanted}")
+    errors = errors.reset_index([name for name in errors.index.names if name in OWN and name not in errors])
     if missing := [name for name in (COLUMNS if "mse" in errors else OWN) if name not in errors]:
         raise BadInput(f"errors has no column {missing[0]!r}; {wanted}")
     if errors.empty:
@@ -266,12 +269,16 @@ def _complete(own: pd.DataFrame) -> pd.DataFrame:
     ]:
         raise BadInput(f"{lacking[0]} is empty in some rows: fill it in, or leave these rows out")
     rmse = pd.to_numeric(own["rmse"], errors="coerce")
+    for text in own["rmse"][rmse.isna() & own["rmse"].notna()].astype(str):
+        if text.strip().lower() not in NOT_A_NUMBER:
+            raise BadInput(f"rmse has {text!r}, which is no number: write root mean squared errors [m]")
     if (rmse < 0).any() or rmse.isna().all():
         raise BadInput(
             "rmse has a negative number, or none: write root mean squared errors [m], nan where a trial failed"
         )
     single: dict[str, Any] = {"scenario": "results", "robot": 0, "ticks": 1, "centralised": False, "bound": False}
     rows = own.assign(**{name: value for name, value in single.items() if name not in own}, rmse=rmse, mse=rmse**2)
+    rows = rows.astype({"scenario": str, "estimator": str})
     rows["robots"] = rows.groupby("scenario")["robot"].transform("nunique")
     rows["stream"] = "trial " + rows["trial"].astype(str)
     return rows.reindex(columns=[*COLUMNS, *(name for name in rows if name not in COLUMNS)])

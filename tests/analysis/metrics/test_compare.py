@@ -243,13 +243,17 @@ def test_a_table_made_elsewhere_is_compared_as_that_of_errors(rng):
     own = errors.assign(rmse=np.sqrt(errors["mse"]))[["estimator", "trial", "rmse"]]
     columns = ["estimator", "trials", "rmse", "rmse_low", "rmse_high", "change", "change_low", "change_high", "p_holm"]
     pd.testing.assert_frame_equal(compare(own, "b")[columns], compare(errors, "b")[columns])
+    pd.testing.assert_frame_equal(compare(own.set_index(["estimator", "trial"]), "b"), compare(own, "b"))
+    numbered = own.assign(estimator=own["estimator"].map({"a": 0, "b": 1}), scenario=3)
+    assert compare(numbered, 1)["change"].tolist() == compare(own, "b")["change"].tolist()
     lost = own.assign(rmse=own["rmse"].where(own.index != 3))
     assert compare(lost, "b")["failed"].sum() == 1
     twice = pd.concat([own.assign(robot=robot, scenario=s) for robot in (0, 1) for s in "xy"])
     assert compare(twice, "b", full=True)["robots"].tolist() == [2] * 4
     for change, said in (
         ({"rmse": -1.0}, "negative number"),
-        ({"rmse": "x"}, "or none"),
+        ({"rmse": "0.3 m"}, "rmse has '0.3 m', which is no number"),
+        ({"rmse": "nan"}, "or none"),
         ({"trial": 0}, "there twice"),
         ({"estimator": own["estimator"].where(own["trial"] > 2)}, "estimator is empty in some rows"),
     ):
