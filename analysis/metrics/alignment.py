@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 from cooploc.analysis.metrics.trajectory_files import Team, Trajectory, read_team
 from cooploc.estimators.errors import BadInput, nearest
@@ -18,16 +19,20 @@ from cooploc.estimators.interface import Array, Indices, Mask
 from cooploc.estimators.models import wrap
 
 ALIGNMENTS = "none", "origin", "se2", "team"
+ADVICE = {"none": "if it is in another frame, --align {}", "": "write it in the frame of the stream"}  # by alignment
 AXES = "world", "body"
 GAP = 10  # times the usual step between poses
 STANDING = 0.05  # [m] a robot whose path is no larger does not move
 MIRRORED = 0.3  # a path fits so much better once it is mirrored: its frame is
 SHIFTS = np.linspace(-2.0, 2.0, 81)  # [s] by which the stamps of a path may be off
 SHIFTED = 0.5  # a path fits so much better at other times, or in another size: its clock, or its scale, is off
-ELSEWHERE = 0.2  # it fits so much better in another frame, beside another robot, or at far other times
+ELSEWHERE = 0.2  # it fits so much better in another frame, or at far other times
 FASTEST, SLOWEST = 30.0, 0.001  # [m/s] mean speeds of robots that move; others are of other units
 TURNED = 0.25  # [rad] by which headings may differ from whole quarters of a turn, in which they are stated
 HELD, JUMP = 0.1, 3  # [m] that a robot moves while its true pose is held, and the usual steps by which that jumps then
+EQUAL = 1e-6  # [m] poses that differ by less are the same
+ENOUGH = 20  # poses from which a path is fitted to other times, and other robots
+LOOKED_AT = 30  # robots whose names may be exchanged
 FEW = 4  # remarks of one kind, of different robots
 BLOCKS = 10  # into which ticks are cut, to see in which axes covariances fit
 
@@ -53,8 +58,7 @@ def match_trajectories(
     true = read_team(truth)
     teams = {name: read_team(Path(folder), list(true), name) for name, folder in estimates.items()}
     for name, team in teams.items():
-        if same := next((r for r in true if np.array_equal(team[r].x, true[r].x, equal_nan=True)), ""):
-            raise BadInput(f"{name}: poses of robot {same!r} are the true ones, to the last digit: name other files")
+        require_estimates(name, team, true)
     matched = {robot: _common(robot, true[robot], teams, largest) for robot in true}
     paths = {robot: true[robot].x[index] for robot, (index, _) in matched.items()}
     remarks = [note for team in (true, *teams.values()) for one in team.values() for note in one.notes]
@@ -64,12 +68,8 @@ def match_trajectories(
     for name, team in teams.items():
         rows = {robot: matched[robot][1][name] for robot in true}
         there = {robot: team[robot].select(rows[robot]) for robot in true}
-        chosen[name], said = _align(name, there, paths, align, axes)
-        remarks += said
-        for robot in true:
-            of = f"{name}: robot {robot!r}"
-            named = _name_remark(of, robot, team, true)
-            remarks += filter(None, [named or _clock_remark(of, team[robot], true[robot])])
+        chosen[name], said = align_team(name, there, paths, align, axes)
+        remarks += said + path_remarks(name, team, true)
     first = next(iter(chosen.values()))
     remarks += filter(None, (_held_remark(robot, first[robot], path) for robot, path in paths.items()))
     return Matched(truth.resolve().name, paths, chosen, tuple(shorten(remarks)))
@@ -149,20 +149,32 @@ def match_stamps(a: Array, b: Array, largest: float) -> tuple[Indices, Indices]:
     return nearer[met], np.flatnonzero(met)
 
 
-def _align(
+def require_estimates(name: str, team: Team, truth: Team) -> None:
+    """Refuse poses that are the true ones."""
+    for robot, true in truth.items():
+        x = team[robot].x[:, :2]
+        if x.shape == true.x[:, :2].shape and np.abs(x - true.x[:, :2]).max() < EQUAL:
+            raise BadInput(f"{name}: poses of robot {robot!r} are the true ones: name other files")
+
+
+def align_team(
     name: str, team: Mapping[str, Trajectory], paths: Mapping[str, Array], align: str, axes: str
 ) -> tuple[dict[str, Trajectory], list[str]]:
-    """Return a team's trajectories in the frame of the truth, covariances in its axes, and remarks."""
+    """Return a team's trajectories in the frame of the truth, covariances in its axes, and remarks.
+
+    `align` is one of `ALIGNMENTS`, or "" for trajectories of a stream, which has one frame.
+    """
     remarks, found = [], {}
-    if all(np.isnan(one.P[:, :2, :2]).all() for one in team.values()):
+    if align and all(np.isnan(one.P[:, :2, :2]).all() for one in team.values()):
         remarks.append(f"{name} has no covariances, or zeros alone: its consistency is not known")
     everywhere = ([one.x for one in team.values()], paths.values())
     x, truths = (np.concatenate([x[:, :2] for x in all_of]) for all_of in everywhere)
     together, plain = fit_frame(x, truths), rms(x - truths)
-    is_apart = align == "none" and len(team) > 1 and together[2] < ELSEWHERE * plain
+    advice = ADVICE.get(align, "")
+    is_apart = advice and len(team) > 1 and together[2] < ELSEWHERE * plain
     if is_apart:
         errs = f"{name} errs by {plain:.3g} m, and by {together[2]:.3g} m once all robots are aligned together"
-        remarks.append(f"{errs}: if it is in another frame, --align team")
+        remarks.append(f"{errs}: {advice.format('team')}")
     for robot, one in team.items():
         true, of = paths[robot], f"{name}: robot {robot!r}"
         _require_units(of, one.x, true)
@@ -172,12 +184,13 @@ def _align(
             fits = f"it fits the truth to {mirrored:.3g} m with y turned round, and to {residual:.3g} m as it is"
             raise BadInput(f"{of} has a mirrored path: {fits}: write it with x forward and y left")
         plain = rms(one.x[:, :2] - true[:, :2])
-        remarks += filter(None, [_scale_remark(of, one.x[:, :2], true[:, :2], angle, residual)])
+        if align:  # in a stream, robots whose filters drift would be named
+            remarks += filter(None, [_scale_remark(of, one.x[:, :2], true[:, :2], angle, residual)])
         if residual < ELSEWHERE * spread_of(true):
             remarks += filter(None, [_heading_remark(of, one.x[:, 2] + angle, true[:, 2])])
         if align == "none" and not is_apart and residual < ELSEWHERE * plain:
             errs = f"{of} errs by {plain:.3g} m, and by {residual:.3g} m once aligned"
-            remarks.append(f"{errs}: if it is in another frame, --align se2")
+            remarks.append(f"{errs}: {advice.format('se2')}")
         if singular := np.count_nonzero(one.P[:, 0, 0] * one.P[:, 1, 1] == one.P[:, 0, 1] ** 2):
             remarks.append(f"{of} has {singular} singular covariances: with any error there, ANEES is infinite")
         if align == "origin" and not np.isfinite(true[0, 2] - one.x[0, 2]):
@@ -192,7 +205,7 @@ def _align(
             shift = true[0, :2] - rotation(angle) @ one.x[0, :2]
         elif align == "team":
             angle, shift, _ = together
-        if align != "none":
+        if align not in ADVICE:
             x = np.column_stack([one.x[:, :2] @ rotation(angle).T + shift, wrap(one.x[:, 2] + angle)])
             one = one._replace(x=x, P=turn_covariances(one.P, np.full(len(x), angle)))
         found[robot] = one
@@ -211,6 +224,16 @@ def _scale_remark(of: str, x: Array, true: Array, angle: float, residual: float)
         return ""
     fits = f"fits the truth to {residual:.3g} m once aligned, and to {scaled:.3g} m with lengths times {scale:.3g}"
     return f"{of} {fits}: is its scale that of metres?"
+
+
+def path_remarks(name: str, team: Team, truth: Team) -> list[str]:
+    """Return remarks on robots whose paths fit the truth of another, or that of other times, far better."""
+    if min(len(one.stamp) for one in team.values()) < ENOUGH:
+        return []
+    exchanged = _exchanged_names(name, team, truth)
+    others = (robot for robot in truth if robot not in exchanged)
+    clocks = (_clock_remark(f"{name}: robot {robot!r}", team[robot], truth[robot]) for robot in others)
+    return [*exchanged.values(), *filter(None, clocks)]
 
 
 def _clock_remark(of: str, one: Trajectory, true: Trajectory) -> str:
@@ -255,18 +278,25 @@ def _thin(one: Trajectory) -> Trajectory:
     return one.select(np.unique(np.linspace(0, len(one.stamp) - 1, 1000).astype(int)))
 
 
-def _name_remark(of: str, robot: str, team: Team, truth: Team) -> str:
-    """Return a remark where a path fits that of another robot far better, as if their names were exchanged; "" else."""
-    path, misfits = _thin(team[robot]), {}
-    for name, true in truth.items():
-        at = np.stack([np.interp(path.stamp, true.stamp, true.x[:, k], np.nan, np.nan) for k in range(2)], -1)
-        there: Mask = np.asarray(np.isfinite(at).all(1))
-        misfits[name] = fit_frame(path.x[there, :2], at[there])[2] if there.mean() > 0.5 else np.inf
-    best = min(misfits, key=lambda name: misfits[name])
-    if not misfits[best] < ELSEWHERE * misfits[robot] or misfits[robot] < STANDING:
-        return ""
-    fits = f"fits the truth to {misfits[robot]:.3g} m once aligned, and that of {best!r} to {misfits[best]:.3g} m"
-    return f"{of} {fits}: are names exchanged?"
+def _exchanged_names(name: str, team: Team, truth: Team) -> dict[str, str]:
+    """Return remarks by robot where paths fit the truth far better once names are exchanged; none else."""
+    robots, far = list(truth)[:LOOKED_AT], max(spread_of(one.x) for one in truth.values())
+    misfits = np.full((len(robots), len(robots)), 1e3 * far)
+    for i, path in enumerate(_thin(team[robot]) for robot in robots):
+        for k, true in enumerate(truth[robot] for robot in robots):
+            at = np.stack([np.interp(path.stamp, true.stamp, true.x[:, c], np.nan, np.nan) for c in range(2)], -1)
+            there: Mask = np.asarray(np.isfinite(at).all(1))
+            if there.mean() > 0.5:
+                misfits[i, k] = fit_frame(path.x[there, :2], at[there])[2]
+    mine, whose = linear_sum_assignment(misfits**2)
+    if not np.square(misfits[mine, whose]).sum() < SHIFTED**2 * np.square(misfits.diagonal()).sum():
+        return {}
+    return {
+        robots[i]: f"{name}: robot {robots[i]!r} fits the truth to {misfits[i, i]:.3g} m once aligned, and that of "
+        f"{robots[k]!r} to {misfits[i, k]:.3g} m: are names exchanged?"
+        for i, k in zip(mine, whose, strict=True)
+        if i != k
+    }
 
 
 def _heading_remark(of: str, heading: Array, true: Array) -> str:

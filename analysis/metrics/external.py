@@ -11,6 +11,7 @@ evo (M. Grupp, github.com/MichaelGrupp/evo): RPE is that of the translation betw
 
 import hashlib
 import re
+import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from itertools import product
@@ -20,12 +21,21 @@ from tempfile import TemporaryDirectory, mkdtemp
 import numpy as np
 import pandas as pd
 
-from cooploc.analysis.metrics.alignment import Matched, match_trajectories, rotation
+from cooploc.analysis.metrics.alignment import (
+    Matched,
+    align_team,
+    match_trajectories,
+    path_remarks,
+    require_estimates,
+    rotation,
+    shorten,
+)
 from cooploc.analysis.metrics.errors import demand_same, errors
 from cooploc.analysis.metrics.statistics import FIXED
 from cooploc.analysis.metrics.trajectory_bags import TRUTH
 from cooploc.analysis.metrics.trajectory_files import (
     COVARIANCE,
+    Trajectory,
     read_files,
     team_files,
 )
@@ -43,6 +53,7 @@ from cooploc.scenarios.stream import Stream, Truth
 
 FILE = re.compile(r"(?:trial(\d+)-)?robot(\d+)")
 LATE = 0.01  # of a tick: a stamp that is further from every tick is of another one
+LOOKED_AT = 3  # trials whose paths are looked at for what is odd
 ELSEWHERE = "not checked: computed elsewhere"  # the certificate of each
 Estimates = Mapping[str, Trace | str | Path] | str | Path  # by name, or a folder
 
@@ -63,9 +74,15 @@ def judge(truth: Truth, stream: Stream, estimates: Estimates, burn_in: int = 0, 
     Raises:
         BadInput: truth and stream do not belong together, or a trajectory does not fit them; says where.
 
+    Warns:
+        UserWarning: a path fits the truth far better in another frame, at other times, or beside another robot's.
+
     """
     made = read_run(stream, estimates, offline)
-    return errors(truth, made, burn_in).assign(certificate=ELSEWHERE)
+    rows = errors(truth, made, burn_in).assign(certificate=ELSEWHERE)
+    if remarks := remarks_on(truth, made, stream.time):
+        warnings.warn("\n".join(remarks), UserWarning, stacklevel=2)
+    return rows
 
 
 def read_run(stream: Stream, estimates: Estimates, offline: bool = False) -> Run:
@@ -77,6 +94,32 @@ def read_run(stream: Stream, estimates: Estimates, offline: bool = False) -> Run
         _require_fit(name, trace, stream)
         traces[name] = replace(trace, offline=True, centralised=True) if offline else trace
     return Run(stream.scenario, stream.seed, stream.trial, stream.hashes, traces)
+
+
+def remarks_on(truth: Truth, run: Run, time: Array) -> tuple[str, ...]:
+    """Return what is odd about the paths of a run's first trials; refuse other units, and the truth itself."""
+
+    def team(x: Array, P: Array) -> dict[str, Trajectory]:
+        """Return the poses of each robot in each of the trials where they are judged, as if all were one team."""
+        found, d = {}, x.shape[-1]
+        for (i, trial), robot in product(enumerate(run.trial[:LOOKED_AT]), range(x.shape[2])):
+            known = truth.valid[i, :, robot]
+            poses = np.full((known.sum(), 3), np.nan)
+            poses[:, :d] = x[i, known, robot]
+            name = f"{robot}, trial {trial}" if len(run.trial) > 1 else str(robot)
+            found[name] = Trajectory(time[known], poses, P[i, known, robot])
+        return found
+
+    remarks: list[str] = []
+    true = team(truth.x, np.full((*truth.x.shape[:3], 3, 3), np.nan))
+    for name, trace in run.traces.items():
+        P = np.full((*trace.x.shape[:3], 3, 3), np.nan)
+        P[..., : trace.P.shape[-1], : trace.P.shape[-1]] = trace.P
+        mine = team(trace.x, P)
+        require_estimates(name, mine, true)
+        remarks += align_team(name, mine, {robot: one.x for robot, one in true.items()}, "", "world")[1]
+        remarks += path_remarks(name, mine, true)
+    return tuple(shorten(remarks))
 
 
 def _require_fit(name: str, trace: Trace, stream: Stream) -> None:
@@ -104,18 +147,18 @@ def _require_fit(name: str, trace: Trace, stream: Stream) -> None:
 
 def evaluate_external(
     source: str, estimates: Estimates, estimators: str | None, offline: bool, **how: object
-) -> tuple[pd.DataFrame, Truth, Run]:
-    """Return the rows of `judge`, those of our own `estimators` on the same stream first, with the truth and all."""
+) -> tuple[pd.DataFrame, Truth, Run, tuple[str, ...]]:
+    """Return the rows of `judge`, those of our own `estimators` on the same stream first, the truth, all, remarks."""
     truth, stream = load_truth(source, **how)  # type: ignore[arg-type]
     made, mine = read_run(stream, estimates, offline), split_labels(estimators or "")
-    rows = errors(truth, made).assign(certificate=ELSEWHERE)
+    rows, remarks = errors(truth, made).assign(certificate=ELSEWHERE), remarks_on(truth, made, stream.time)
     if same := set(mine) & set(made.traces):
         raise BadInput(f"{same.pop()!r} is an estimator of ours and a folder of trajectories: rename the folder")
     if mine:
         ours = run(mine, stream)
         rows = pd.concat([errors(truth, ours), rows], ignore_index=True).fillna({"certificate": ""})
         made = replace(made, traces={**ours.traces, **made.traces})
-    return rows, truth, made
+    return rows, truth, made, remarks
 
 
 def load_truth(

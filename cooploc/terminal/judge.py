@@ -48,8 +48,8 @@ def show_external(
     how: Mapping[str, object], **shown: bool,
 ) -> None:  # fmt: skip
     """Judge trajectories that were computed from a stream of ours, and print who errs least."""
-    rows, truth, run = evaluate_external(source, named, estimators, offline, **how)
-    _show(rows.merge(drift(truth, run)), None, truth, run, [], out, **shown)
+    rows, truth, run, remarks = evaluate_external(source, named, estimators, offline, **how)
+    _show(rows.merge(drift(truth, run)), None, truth, run, remarks, out, **shown)
 
 
 def _show(

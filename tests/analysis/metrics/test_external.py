@@ -11,7 +11,7 @@ import xarray as xr
 from processes import inside
 
 import cooploc as cl
-from cooploc.analysis.metrics.external import ELSEWHERE, evaluate_external, read_tum
+from cooploc.analysis.metrics.external import ELSEWHERE, evaluate_external, read_tum, remarks_on
 from cooploc.analysis.plot.beliefs import ellipse_shape
 
 LABEL = "camera/n=2[ticks=6]"
@@ -38,6 +38,43 @@ def test_a_tum_file_holds_stamps_positions_and_headings_and_is_read_again(ours, 
     assert not np.any([z, qx, qy])
     np.testing.assert_allclose(np.exp(2j * np.arctan2(qz, qw)), np.exp(1j * pose[:, 2]), atol=1e-8)
     np.testing.assert_allclose(read_tum(written, stream)["ekf-local"].x, run.traces["ekf-local"].x, atol=1e-8)
+
+
+OTHER_PATHS = {
+    "mm": (lambda x: 1000 * x, "mine: robot '0, trial 0' has the true path .* times as large: write m"),
+    "y forward": (lambda x: x[..., ::-1], "mine: robot '0, trial 0' has a mirrored path"),
+    "frame": (
+        lambda x: x + 30,
+        "mine errs by 42.* once all robots are aligned .*: write it in the frame of the stream",
+    ),
+    "robots": (
+        lambda x: x[:, :, ::-1],
+        "mine: robot '0, trial 0' fits the truth to .*, and that of '2, trial 0' .* names exchanged",
+    ),
+}
+
+
+@pytest.mark.parametrize(("change", "said"), OTHER_PATHS.values(), ids=OTHER_PATHS)
+def test_of_paths_that_fit_the_truth_of_the_stream_otherwise_it_is_said(change, said):
+    truth, stream = cl.simulate("trajectory[ticks=120]", trials=2, seed=3)
+    trace = cl.run(["ekf-ci"], stream).traces["ekf-ci"]
+    mine = cl.Trace.of(np.ascontiguousarray(change(trace.x)), np.full_like(trace.P, np.nan))
+    assert (
+        remarks_on(truth, cl.Run(stream.scenario, 3, stream.trial, stream.hashes, {"mine": trace}), stream.time) == ()
+    )
+    if said.startswith("mine: robot '0, trial 0' has"):
+        with pytest.raises(cl.BadInput, match=said):
+            cl.judge(truth, stream, {"mine": mine})
+    else:
+        with pytest.warns(UserWarning, match=said):
+            cl.judge(truth, stream, {"mine": mine})
+
+
+def test_the_truth_of_a_stream_is_no_estimate(ours):
+    truth, stream, _ = ours
+    mine = cl.Trace.of(truth.x, np.full((*truth.x.shape, truth.x.shape[-1]), np.nan))
+    with pytest.raises(cl.BadInput, match="mine: poses of robot '0, trial 0' are the true ones: name other files"):
+        cl.judge(truth, stream, {"mine": mine})
 
 
 def test_files_of_our_own_trajectories_and_covariances_have_our_errors_and_consistency(ours, written):
@@ -137,7 +174,7 @@ def test_a_stream_file_or_a_label_is_judged_beside_our_own(ours, written, tmp_pa
     shutil.rmtree(written / "dead-reckoning")
     (written / "ekf-local").rename(written / "matlab")
     for source, options in ((str(tmp_path / "stream.npz"), {}), (LABEL, {"trials": 6, "seed": 3})):
-        rows, _, run = evaluate_external(source, written, "ekf-local", False, **options)
+        rows, _, run, _ = evaluate_external(source, written, "ekf-local", False, **options)
         table = cl.compare(rows, "ekf-local", full=True)
         assert list(run.traces) == ["ekf-local", "matlab"]
         assert table["estimator"].tolist() == ["ekf-local", "matlab"]

@@ -356,7 +356,7 @@ def test_one_file_of_any_name_is_a_team_of_one_and_what_stands_or_is_not_known_i
     rows, notes = judge_trajectories(tmp_path / "still.txt", {"mine": tmp_path / "mine.txt"})
     assert rows["rmse"].item() == pytest.approx(0.003 * np.sqrt(2))
     assert notes[0] == "robot 'still' stands, within 0.05 m: its RPE is noise, and --align se2 turns it at random"
-    with pytest.raises(BadInput, match="mine: poses of robot 'still' are the true ones, to the last digit"):
+    with pytest.raises(BadInput, match="mine: poses of robot 'still' are the true ones: name other files"):
         judge_trajectories(tmp_path / "still.txt", {"mine": tmp_path / "still.txt"})
 
 
