@@ -22,6 +22,7 @@ import numpy as np
 import pandas as pd
 
 from cooploc.analysis.metrics.alignment import (
+    ENOUGH,
     Matched,
     align_team,
     match_trajectories,
@@ -104,6 +105,8 @@ def remarks_on(truth: Truth, run: Run, time: Array) -> tuple[str, ...]:
         found, d = {}, x.shape[-1]
         for (i, trial), robot in product(enumerate(run.trial[:LOOKED_AT]), range(x.shape[2])):
             known = truth.valid[i, :, robot]
+            if known.sum() < ENOUGH:
+                continue
             poses = np.full((known.sum(), 3), np.nan)
             poses[:, :d] = x[i, known, robot]
             name = f"{robot}, trial {trial}" if len(run.trial) > 1 else str(robot)
@@ -112,7 +115,7 @@ def remarks_on(truth: Truth, run: Run, time: Array) -> tuple[str, ...]:
 
     remarks: list[str] = []
     true = team(truth.x, np.full((*truth.x.shape[:3], 3, 3), np.nan))
-    for name, trace in run.traces.items():
+    for name, trace in run.traces.items() if true else ():
         P = np.full((*trace.x.shape[:3], 3, 3), np.nan)
         P[..., : trace.P.shape[-1], : trace.P.shape[-1]] = trace.P
         mine = team(trace.x, P)

@@ -123,3 +123,13 @@ def test_of_remarks_on_many_robots_a_few_are_said():
     clocks = [f"mine: robot 'r{k}' fits to {k / 7:.3g} m with -{k} s added" for k in range(10)]
     said = list(shorten(["a note", *clocks, "mine: robot 'r1' stands"]))
     assert said == ["a note", *clocks[:4], "6 more like the last", "mine: robot 'r1' stands"]
+
+
+def test_a_robot_that_stands_where_it_was_known_to_be_is_judged():
+    t, paths = paths_of_all()
+    still = {"blue": 0 * paths["truth"]["blue"]}
+    true, mine = (in_one_table(t, paths[name] | still) for name in ("truth", "mine"))
+    rows, _ = judge_trajectories(true, {"mine": mine})
+    assert rows.set_index("name")["rmse"]["blue"] == 0
+    with pytest.raises(BadInput, match="poses of robot 'red' are the true ones"):
+        judge_trajectories(true, {"mine": in_one_table(t, paths["truth"] | {"blue": paths["mine"]["blue"]})})
