@@ -271,6 +271,8 @@ def _best_shift(one: Trajectory, true: Trajectory) -> tuple[float, float, float]
     now, (shift, best) = misfit(0.0), search(SHIFTS)
     if best < SHIFTED * now < np.inf:
         return shift, best, now
+    if now < ELSEWHERE * spread_of(true.x):
+        return None
     start = 0.0 if now < np.inf else true.stamp[0] - few.stamp[0]
     far = start + np.linspace(-0.5, 0.5, 401) * np.ptp(true.stamp)
     shift, best = search(search(far)[0] + SHIFTS / SHIFTS[-1] * (far[1] - far[0]))
