@@ -351,7 +351,8 @@ def _require_units(of: str, x: Array, true: Array) -> None:
         raise BadInput(f"{of} has the true path {times:.3g} times as large: write m, or name its columns x_mm, y_mm")
     both = np.isfinite(x[:, 2]) & np.isfinite(true[:, 2])
     as_it_is, as_degrees = (abs(np.exp(1j * (true[both, 2] - h)).sum()) for h in (x[both, 2], np.radians(x[both, 2])))
-    if as_it_is < 0.5 * both.sum() < 0.9 * both.sum() < as_degrees:
+    is_turning = abs(np.exp(1j * true[both, 2]).sum()) < 0.9 * both.sum()  # else any small numbers fit
+    if is_turning and as_it_is < 0.5 * both.sum() < 0.9 * both.sum() < as_degrees:
         raise BadInput(f"{of} has headings that fit the truth as degrees: write rad, or name the column heading_deg")
 
 

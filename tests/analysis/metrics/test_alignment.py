@@ -133,3 +133,11 @@ def test_a_robot_that_stands_where_it_was_known_to_be_is_judged():
     assert rows.set_index("name")["rmse"]["blue"] == 0
     with pytest.raises(BadInput, match="poses of robot 'red' are the true ones"):
         judge_trajectories(true, {"mine": in_one_table(t, paths["truth"] | {"blue": paths["mine"]["blue"]})})
+
+
+def test_headings_are_not_taken_for_degrees_where_those_of_the_truth_are_all_zero():
+    t, paths = paths_of_all()
+    true = frame_of(t, paths["truth"]["red"] * [1, 1, 0])  # as of a tracker of points
+    spinning = paths["mine"]["red"] + np.linspace(0, 12, len(t))[:, None] * [0, 0, 1]
+    rows, _ = judge_trajectories(true, {"mine": frame_of(t, spinning)})
+    assert rows["rmse"].item() < 0.2
