@@ -186,7 +186,7 @@ def infer_columns(table: CsvTable) -> tuple[Guess, ...]:
     ]
     both = [g for g in guesses if g.quantity in NAMES or g.column.lower() in ENDS]  # robot1 and robot2, or i and j
     both.sort(key=lambda guess: naming.is_anchor(guess.column))  # a tag measures anchors
-    if len(both) == 2:
+    if len(both) == 2 and not np.array_equal(table.columns[both[0].column], table.columns[both[1].column]):
         same = {*table.names(both[0].column)} & {*table.names(both[1].column)}
         of_anchors = [naming.is_anchor(guess.column) for guess in both] == [False, True]
         alike = both[0].quantity == both[1].quantity

@@ -36,6 +36,7 @@ from cooploc.scenarios.recordings.inspect.table_parts import (
     TablePart,
     merge_parts,
     parts_of,
+    split_places,
     why_no_table,
 )
 from cooploc.scenarios.recordings.schema import UNITS
@@ -70,7 +71,7 @@ def _read_files(paths: Iterable[Path], folder: Path, data: Path) -> tuple[list[C
         except BadInput as e:
             fault = str(e) if is_csv or SEVERAL_KINDS in str(e) else fault
         unread.append(fault)
-    return files, unread
+    return split_places(files), unread
 
 
 def _kind_of_places(path: Path) -> str:
@@ -414,7 +415,7 @@ def _draft_table(part: TablePart, robots: tuple[str, ...], fixed: Sequence[str],
     table, files, columns = part.table, part.file_names, part.columns
     names = ", ".join(files)
     if table in ("anchors", "landmarks"):
-        places = Entry("places", _places_of(part, robots), f"{files[0]} has names and places, and no stamps")
+        places = Entry("places", _places_of(part, robots), f"{files[0]} has names and places")
         return DraftTable(table, (places,))
     owners = _whose(part, robots, fixed, runs)
     if isinstance(owners, str):

@@ -1,11 +1,14 @@
 """The tables of log.toml that the columns of text files make: odometry, turns, truth, readings, places."""
 
 from collections.abc import Sequence
+from itertools import compress
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from cooploc.scenarios.recordings.inspect import naming
-from cooploc.scenarios.recordings.inspect.columns import PART, CsvTable, Guess
+from cooploc.scenarios.recordings.inspect.columns import PART, CsvTable, Guess, infer_columns, number_name
 from cooploc.scenarios.recordings.schema import COLUMNS, UNITS
 
 READINGS = ("sightings", "ranges", "rssi")
@@ -106,6 +109,34 @@ def split_readings(guesses: Sequence[Guess], named: bool) -> list[tuple[Guess, .
         best = plain[0] if len(plain) == 1 else (usual or others)[0]
         others = (best if best in plain else best._replace(reason=f"{best.reason}; of several, perhaps"),)
     return [each for each in (pairs, others) if each]
+
+
+def split_places(files: Sequence[CsvTable]) -> list[CsvTable]:
+    """Return the files without the places that stand beside each reading, and a table of these places.
+
+    They are in columns such as anchor_x and anchor_y: the same for one name in every line, and not for all names.
+    """
+    kept, found = list[CsvTable](), list[CsvTable]()
+    for file in files:
+        other = next((g.column for g in file.guesses if g.quantity == "other"), "")
+        words = file.columns[other] if other else ()
+        named = words if isinstance(words, tuple) else tuple(map(number_name, words))
+        for x in [c for c in file.columns if named and "x" in naming.words_of(c)]:
+            y = "y".join(x.rsplit("x", 1))
+            at = [v for c in (x, y) if not isinstance(v := file.columns.get(c, ()), tuple)]
+            if len(at) < 2:
+                continue
+            there = np.isfinite(at).all(0)
+            lines = sorted({*compress(zip(named, *at, strict=True), there)})
+            places = {name: place for name, *place in lines if name}
+            if len(places) != len(lines) or 2 * len(lines) > len(named) or len({*map(tuple, places.values())}) < 2:
+                continue
+            at_x, at_y = np.array([*places.values()]).T
+            found.append(CsvTable(file.name, {other: (*places,), x: at_x, y: at_y}, units=file.units))
+            left = {c: values for c, values in file.columns.items() if c not in (x, y)}
+            file = file._replace(columns=left, guesses=tuple(g for g in file.guesses if g.column in left))
+        kept.append(file)
+    return [*kept, *(table._replace(guesses=infer_columns(table)) for table in found[:1])]
 
 
 def why_no_table(file: CsvTable, halves: bool = False) -> str:

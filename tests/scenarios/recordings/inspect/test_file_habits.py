@@ -353,6 +353,16 @@ def readings_in_json(files):
     return files | {f"tag_{r}.json": table.sort_values("time").to_json(orient="records") for r, table in one.items()}
 
 
+def places_beside_ranges(files):
+    """The place of an anchor in each line of what was measured, as PX4 and the DWM1001 log it."""
+    del files["anchors.csv"]
+    for r in ROBOTS:
+        one = pd.melt(away(files, r), "time", var_name="anchor_id", value_name="range")
+        one[["anchor_x", "anchor_y"]] = [PLACES[name] for name in one["anchor_id"]]
+        files = files | {f"uwb_{r}.csv": one.sort_values("time", kind="stable")}
+    return files
+
+
 def column_for_two(files):
     red, blue = (away(files, robot, f"{robot}_{{}}") for robot in ROBOTS)
     return files | {"uwb.csv": red.merge(blue, "outer", "time")}
@@ -369,12 +379,13 @@ def file_for_two(files):
         (column_for_two, 2),
         (file_for_two, 2),
         (readings_in_json, 2),
+        (places_beside_ranges, 2),
         *((places_in(name, text), 2) for name, text in TEXTS.items()),
         (lambda files: files | {f"uwb_{r}.csv": away(files, r, "r{1}") for r in ROBOTS}, 2),
         (lambda files: alone(files) | {"uwb.csv": away(files, "red", "r{1}")}, 1),
         (one_log, 1),
     ],
-    ids=["a column for two", "a file for two", "tags", *TEXTS, "numbers", "one robot", "one file"],
+    ids=["a column for two", "a file for two", "tags", "places", *TEXTS, "numbers", "one robot", "one file"],
 )
 def test_distances_from_anchors_are_read_from_files_as_others_write_them(tmp_path, change, robots):
     files = {name: pd.DataFrame(columns) for name, columns in two_robots(seconds=60).items() if name != "uwb.csv"}
