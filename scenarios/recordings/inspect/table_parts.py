@@ -126,7 +126,7 @@ def split_places(files: Sequence[CsvTable]) -> list[CsvTable]:
             at = [v for c in (x, y) if not isinstance(v := file.columns.get(c, ()), tuple)]
             if len(at) < 2:
                 continue
-            there = np.isfinite(at).all(0)
+            there = np.isfinite(at).min(axis=0)
             lines = sorted({*compress(zip(named, *at, strict=True), there)})
             places = {name: place for name, *place in lines if name}
             if len(places) != len(lines) or 2 * len(lines) > len(named) or len({*map(tuple, places.values())}) < 2:
