@@ -151,8 +151,15 @@ class Harness:
     def _channels(self, stream: Stream) -> set[str]:
         return select_channels(self.name, self.estimator.uses, stream)
 
-    def run(self, stream: Stream, when: str, estimator: Any = None, watch: Watcher | None = None) -> RunRecord:
-        """Run the estimator, or another in its place; `when` says what was changed, if anything: "no packets"."""
+    def run(
+        self,
+        stream: Stream,
+        when: str,
+        estimator: Any = None,
+        watch: Watcher | None = None,
+        ticks: int | None = None,
+    ) -> RunRecord:
+        """Run the estimator, or another in its place, for all `ticks` or the first; `when` says what was changed."""
         sent: list[Any] = []
         at: tuple[str, int] = "init", -1
         t, _, n = stream.senses.dt.shape
@@ -172,7 +179,9 @@ class Harness:
         varied = f" ({when})" if when else ""
         try:
             with limit_time(RUN_SHARE * self.time_limit):
-                found = trace(self.name, self.estimator if estimator is None else estimator, stream, record)
+                found = trace(
+                    self.name, self.estimator if estimator is None else estimator, stream, record, ticks=ticks
+                )
         except CheckFailed:
             raise
         except (EstimatorError, IncompatibleEstimator) as e:
@@ -187,7 +196,7 @@ class Harness:
         self, base: RunRecord, stream: Stream, when: str, robots: Mask | bool = True, ticks: int | None = None
     ) -> None:
         """Run on a variation of the stream; require the bits of `base`, of these robots and first ticks."""
-        require_equal(base, self.run(stream, when), when, robots, ticks)
+        require_equal(base, self.run(stream, when, ticks=ticks), when, robots)
 
     def differs(self, base: RunRecord, stream: Stream) -> bool:
         """Return whether a variation of the stream changes any bit, or what runs."""
@@ -203,10 +212,10 @@ def remedy_of(error: str) -> str:
     return next((remedy for words, remedy in CAUSES.items() if words in error), "")
 
 
-def require_equal(a: RunRecord, b: RunRecord, when: str, robots: Mask | bool = True, ticks: int | None = None) -> None:
+def require_equal(a: RunRecord, b: RunRecord, when: str, robots: Mask | bool = True) -> None:
     """Require that two runs are bitwise equal, for these robots (n,) and in the first ticks that both have."""
     (t, T, n), other = a.stream.senses.dt.shape, b.trace.x.shape[1]
-    for k in range(min(T, other, ticks or T)):
+    for k in range(min(T, other)):
         pairs = [("estimate", getattr(a.trace, what)[:, k], getattr(b.trace, what)[:, k]) for what in ("x", "P")]
         if a.packets and b.packets:
             pairs.append(("packet", a.packets[k], b.packets[k]))

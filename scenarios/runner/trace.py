@@ -90,11 +90,12 @@ def trace(
     watch: Watcher | None = None,
     *,
     rows: Rows | None = None,  # that the seed makes, of a stream that does not say its seed
+    ticks: int | None = None,
 ) -> Trace:
-    """Run one estimator on every trial of a stream, in this process."""
+    """Run one estimator on every trial of a stream, or on its first `ticks`, in this process."""
     running = make_loop(name, estimator, restrict(name, estimator, stream), watch, rows)
     t, T, n = stream.senses.dt.shape
-    d = stream.prior.x.shape[-1]
+    T, d = min(ticks or T, T), stream.prior.x.shape[-1]
     x, P = np.empty((t, T, n, d)), np.empty((t, T, n, d, d))
     messages, sent = np.zeros((t, n)), np.zeros((t, n))
     with _thread_pools(len(sys.modules)).limit(limits=1), np.errstate(**AS_NUMPY_STARTS), Stopwatch() as clock:
