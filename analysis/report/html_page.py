@@ -221,17 +221,15 @@ def experiment(name: str, plan: dict[str, list[str]], numbers: Numbers, counter:
     anchor = f"experiment-{safe_name(name)}"
     only = len(part) == len(table)
     texts = [] if only else [sentences.best_honest(found, part), sentences.over_confident_estimators(part)]
-    changed: list[Table] = []
-    for (_, parameter), group in run_numbers.group_by_sweep(list(plan)).items():
-        if parameter:
-            names = dict.fromkeys(part.loc[part["scenario"].isin(group), "estimator"])
-            changes = sentences.changes_over_sweep(group, names, results)
-            texts.append(sentences.sweep_sentence(group, changes, results.stopping))
-            changed.append(result_tables.sweep_table(f"{anchor}-sweep{len(changed) + 1}", changes, parameter))
     again = only and part["scenario"].nunique() <= FEW  # the first figure of the page
     single = [] if again else run_numbers.group_by_sweep(list(plan)).get(("", ""), [])
-    costly = run_numbers.first_middle_last(single or list(plan))
-    drawn = draw_experiment(part, single, costly if only else costly[-1:], numbers.names, numbers.pens, style.PAGE)
+    costly = run_numbers.first_middle_last(single or list(plan))[0 if only else -1 :]
+    drawn = draw_experiment(part, single, costly, numbers.names, numbers.pens, style.PAGE)
+    changed: list[Table] = []
+    for sweep in run_numbers.sweeps_of_experiment(part, list(plan), costly):
+        if changes := sentences.changes_over_sweep(sweep, results):
+            texts.append(sentences.sweep_sentence(sweep, changes, results.stopping))
+            changed.append(result_tables.sweep_table(f"{anchor}-sweep{len(changed) + 1}", changes, sweep.parameter))
     test = "confidence sequences of the change" if numbers.kept.looks else "t test of the change"
     few = f" Below {LEAST_TRIALS} trials there are no intervals." * bool(part["trials"].min() < LEAST_TRIALS)
     about = (

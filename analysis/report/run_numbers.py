@@ -15,6 +15,7 @@ from cooploc.analysis.metrics.sequential import ANYTIME, add_decisions
 from cooploc.analysis.metrics.statistics import FIXED
 from cooploc.analysis.metrics.sweeps import add_sweep, sweeps
 from cooploc.analysis.plot import results, style
+from cooploc.analysis.report import sentences
 from cooploc.analysis.report.labels import LONGEST, Labels, short_labels, variants_of
 from cooploc.estimators.errors import count_of
 
@@ -64,6 +65,17 @@ def rows_of_estimator_sweeps(rows: pd.DataFrame) -> dict[str, pd.DataFrame]:
     lengths = read.groupby(["family", "parameter"])["value"].transform("size")
     long = read[(read["parameter"] != "") & (lengths >= SWEEP)]
     return {str(name): part for name, part in long.groupby("parameter", sort=False)}
+
+
+def sweeps_of_experiment(rows: pd.DataFrame, scenarios: list[str], costly: list[str]) -> Iterator[sentences.Sweep]:
+    """Yield the sweeps of scenarios in rows of `compare`, and those of estimators in the scenarios `costly`."""
+    for (_, parameter), group in group_by_sweep(scenarios).items():
+        if parameter:
+            names = dict.fromkeys(rows.loc[rows["scenario"].isin(group), "estimator"])
+            yield sentences.sweep_of_scenarios(group, names)
+    for label in costly:
+        for part in rows_of_estimator_sweeps(rows[rows["scenario"] == label]).values():
+            yield sentences.sweep_of_estimators(label, part)
 
 
 def first_middle_last(labels: list[str]) -> list[str]:

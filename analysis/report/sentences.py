@@ -56,7 +56,7 @@ class Standing(NamedTuple):
 
 
 class SweepChange(NamedTuple):
-    """Change of an estimator's RMSE from the first to the last scenario of a sweep, as a share."""
+    """Change of an estimator's RMSE from the first to the last value of a sweep, as a share."""
 
     estimator: str
     first: float  # RMSE [m]
@@ -224,14 +224,39 @@ def over_confident_estimators(table: pd.DataFrame) -> str:
 # ------------------------------------------------------------------------------------------------ a sweep
 
 
-def changes_over_sweep(scenarios: list[str], estimators: Iterable[str], results: TrialTable) -> list[SweepChange]:
-    """Return how the RMSE changes over a sweep, paired by trial, of every estimator that ran at both ends."""
+class Sweep(NamedTuple):
+    """The first and last value of a parameter, and the (scenario, estimator) that has each, by the name to show."""
+
+    about: str  # the scenario, or a family of scenarios
+    parameter: str
+    low: float
+    high: float
+    ends: dict[str, tuple[tuple[str, str], tuple[str, str]]]
+
+
+def sweep_of_scenarios(scenarios: list[str], estimators: Iterable[str]) -> Sweep:
+    """Return a sweep of scenarios, of these estimators."""
     points = sweeps(scenarios)
-    ordered = sorted(scenarios, key=lambda label: points[label].value)
+    first, *_, last = sorted(scenarios, key=lambda label: points[label].value)
+    ends = {name: ((first, name), (last, name)) for name in estimators}
+    return Sweep(*points[first], points[last].value, ends)
+
+
+def sweep_of_estimators(scenario: str, swept: pd.DataFrame) -> Sweep:
+    """Return the sweep of one parameter, by rows of `add_sweep` in a scenario, of those that ran at both ends."""
+    low, high = swept["value"].min(), swept["value"].max()
+    named = {(row["family"], row["value"]): (scenario, row["estimator"]) for row in swept.to_dict("records")}
+    both = [name for name in swept["family"].unique() if {(name, low), (name, high)} <= named.keys()]
+    ends = {name: (named[name, low], named[name, high]) for name in both}
+    return Sweep(scenario, swept["parameter"].iloc[0], low, high, ends)
+
+
+def changes_over_sweep(sweep: Sweep, results: TrialTable) -> list[SweepChange]:
+    """Return how the RMSE changes over a sweep, paired by trial, of every estimator that ran at both ends."""
     out = []
-    for name in estimators:
+    for name, ends in sweep.ends.items():
         try:
-            values = results.mse((ordered[0], name), (ordered[-1], name))
+            values = results.mse(*ends)
         except Missing:
             continue
         logs = results.stopping.log_contrast(values, np.array([-0.5, 0.5]))
@@ -248,10 +273,9 @@ DIRECTIONS: dict[str, Callable[[Interval], bool]] = {  # words -> whether an int
 }
 
 
-def sweep_sentence(scenarios: list[str], found: list[SweepChange], stopping: Stopping = FIXED) -> str:
+def sweep_sentence(sweep: Sweep, found: list[SweepChange], stopping: Stopping = FIXED) -> str:
     """Return the changes over a sweep in words; where the interval holds 0, no significant change."""
     judged = "95 % intervals" if stopping is FIXED else "confidence sequences"
-    (family, parameter, low), *_, (_, _, high) = sorted(sweeps(scenarios).values(), key=lambda point: point.value)
     parts = []
     for words, holds in DIRECTIONS.items():
         if not (some := [one for one in found if holds(one.share)]):
@@ -266,5 +290,5 @@ def sweep_sentence(scenarios: list[str], found: list[SweepChange], stopping: Sto
             least, *_, most = sorted(abs(one.share.value) for one in some)
             listed += f" (by {interval(percent)(least, most)})"
         parts.append(f"{words} for {listed}")
-    about = f"{family}: RMSE from {parameter} = {low:g} to {high:g} ({judged}, unadjusted)"
+    about = f"{sweep.about}: RMSE from {sweep.parameter} = {sweep.low:g} to {sweep.high:g} ({judged}, unadjusted)"
     return f"{about}: {'; '.join(parts)}." if parts else ""
