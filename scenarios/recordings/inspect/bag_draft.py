@@ -37,7 +37,7 @@ from cooploc.scenarios.recordings.inspect.naming import (
     pairs_with_places,
     words_of,
 )
-from cooploc.scenarios.recordings.inspect.table_parts import first_columns
+from cooploc.scenarios.recordings.inspect.table_parts import first_columns, split_places
 from cooploc.scenarios.recordings.radio_nodes import NodeRanges, assign
 from cooploc.scenarios.recordings.team_log import Series
 from cooploc.scenarios.recordings.text_files import files_below
@@ -72,6 +72,8 @@ def bag_draft(path: Path) -> Draft:
     found = {t.name: t for t in there if t.columns}
     unknown = [t.name for t in there if not t.columns and (t.type not in standard_types() or t.type in OF_FIELDS)]
     of_fields = {t: table_of_fields(t, f) for t, f in (read_fields(whole, unknown) if unknown else {}).items()}
+    kept, places = split_places([*of_fields.values()])
+    of_fields = dict(zip(of_fields, kept, strict=True))
     states = {name for name in found if STATES & {*words_of(name)}}
     wheels = _wheels([t for t in found.values() if t.name not in states], of_fields)
     poses = _poses(found, wheels.values(), states)
@@ -97,7 +99,7 @@ def bag_draft(path: Path) -> Draft:
     for home in text_folders(runs[0]):
         below = files_below(home) if path.is_dir() and home.is_relative_to(path) else home.glob("*")
         texts = [p for p in sorted(below) if is_table(p)]
-        beside = beside if beside.tables else tables_beside_bag(home, texts, robots, in_bag)
+        beside = beside if beside.tables else tables_beside_bag(home, texts, robots, in_bag, places)
     fixed = [one for table in beside.tables if table.name in ("anchors", "landmarks") for one in table.entries[0].value]
     left = {t: kind for t, kind in numbers.items() if not _tables_of(t, tables, robots)}
     of_numbers, by_frame, frames = _readings_of_one(whole, left, series, robots, fixed)

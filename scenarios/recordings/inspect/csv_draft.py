@@ -71,7 +71,7 @@ def _read_files(paths: Iterable[Path], folder: Path, data: Path) -> tuple[list[C
         except BadInput as e:
             fault = str(e) if is_csv or SEVERAL_KINDS in str(e) else fault
         unread.append(fault)
-    return split_places(files), unread
+    return [*chain(*split_places(files))], unread
 
 
 def _kind_of_places(path: Path) -> str:
@@ -385,9 +385,12 @@ def _for_files(lines: Iterable[tuple[str, str]]) -> list[str]:
     return [f"{', '.join(names)}: {line}" for line, names in files.items() if line]
 
 
-def tables_beside_bag(folder: Path, paths: Sequence[Path], robots: Sequence[str], there: Collection[str]) -> Draft:
-    """Return the draft of what a bag lacks: the tables in text files, but for those that are `there`."""
+def tables_beside_bag(
+    folder: Path, paths: Sequence[Path], robots: Sequence[str], there: Collection[str], places: Sequence[CsvTable]
+) -> Draft:
+    """Return the draft of what a bag lacks: tables in text files but those `there`, and `places` from its messages."""
     files, unused = _read_files(paths, folder, folder)
+    files += places
     parts = merge_parts([part for file in files for part in parts_of(file)], unused)
     fixed = [name for part in parts if part.table in ("anchors", "landmarks") for name in _places_of(part, robots)]
     files = [_name_readings(file, robots, fixed) for file in _name_mates(files, robots, fixed)]

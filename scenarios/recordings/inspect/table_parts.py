@@ -111,8 +111,8 @@ def split_readings(guesses: Sequence[Guess], named: bool) -> list[tuple[Guess, .
     return [each for each in (pairs, others) if each]
 
 
-def split_places(files: Sequence[CsvTable]) -> list[CsvTable]:
-    """Return the files without the places that stand beside each reading, and a table of these places.
+def split_places(files: Sequence[CsvTable]) -> tuple[list[CsvTable], list[CsvTable]]:
+    """Return the files without the places that stand beside each reading, and a table of these places, if any.
 
     They are in columns such as anchor_x and anchor_y: the same for one name in every line, and not for all names.
     """
@@ -136,7 +136,7 @@ def split_places(files: Sequence[CsvTable]) -> list[CsvTable]:
             left = {c: values for c, values in file.columns.items() if c not in (x, y)}
             file = file._replace(columns=left, guesses=tuple(g for g in file.guesses if g.column in left))
         kept.append(file)
-    return [*kept, *(table._replace(guesses=infer_columns(table)) for table in found[:1])]
+    return kept, [table._replace(guesses=infer_columns(table)) for table in found[:1]]
 
 
 def why_no_table(file: CsvTable, halves: bool = False) -> str:

@@ -245,12 +245,17 @@ def test_a_field_may_say_who_measured_and_the_teammate_follows(tmp_path):
         inspect_recording(tmp_path)
 
 
-SIGHT = "lab_msgs/msg/Sight"
+SIGHT, PLACED, PLACES = "lab_msgs/msg/Sight", "lab_msgs/msg/Placed", {"A1": (0.0, 0.0), "A2": (8.0, 8.0)}
 OF_ANCHORS = {  # (topic, type, fields) of a robot's distance d from the anchor a
     "frames": lambda own, a, d: (f"{own}/uwb", "sensor_msgs/msg/Range", {"range": d, "header.frame_id": a}),
     "topics": lambda own, a, d: (f"{own}/range_to/{a}", "sensor_msgs/msg/Range", {"range": d}),
     "floats": lambda own, a, d: (f"{own}/{a}/distance", "std_msgs/msg/Float64", {"data": d}),
     "fields": lambda own, a, d: (f"{own}/wifi", SIGHT, {"ap": a, "distance": d}),
+    "places": lambda own, a, d: (
+        f"{own}/wifi",
+        PLACED,
+        {"ap": a, "distance": d, "anchor_x": PLACES[a][0], "anchor_y": PLACES[a][1]},
+    ),
 }
 
 
@@ -258,21 +263,23 @@ OF_ANCHORS = {  # (topic, type, fields) of a robot's distance d from the anchor 
 @pytest.mark.parametrize("form", OF_ANCHORS)
 def test_anchors_in_a_file_beside_a_bag_are_those_that_its_ranges_name(tmp_path, form, team):
     """Of two robots none is taken for its only teammate's; a robot alone needs no name in topics."""
-    files, places, alone = two_robots(seconds=40), {"A1": (0.0, 0.0), "A2": (8.0, 8.0)}, len(team) == 1
+    files, alone = two_robots(seconds=40), len(team) == 1
     made = [one for kind in ("odometry", "truth") for one in USUAL[kind](files)]
     made = [(t.replace("/red/odom", "/odom"), *one) for t, *one in made if "red" in t] if alone else made
     for robot in team:
         for t, x, y, _ in zip(*files[f"truth_{robot}.csv"].values(), strict=True):
-            for anchor, (a, b) in places.items():
+            for anchor, (a, b) in PLACES.items():
                 topic, kind, fields = OF_ANCHORS[form]("" if alone else f"/{robot}", anchor, np.hypot(x - a, y - b))
                 made.append((topic, kind, t, fields))
-    definition = {SIGHT: "std_msgs/Header header\nstring ap\nfloat64 distance"}
-    write_messages(tmp_path / "team", made, definition)
+    definition = "std_msgs/Header header\nstring ap\nfloat64 distance"
+    placed = f"{definition}\nfloat64 anchor_x\nfloat64 anchor_y"
+    write_messages(tmp_path / "team", made, {SIGHT: definition, PLACED: placed})
     if form == "frames":
         said = "/uwb (Range, 800): of frames A1, A2, whose places are not known; if these are anchors, write their id"
         assert [line for line in inspect_recording(tmp_path).unused if f"{said}, x, y into anchors.csv beside" in line]
-    lines = ["id,x,y", *(f"{anchor},{x},{y}" for anchor, (x, y) in places.items())]
-    (tmp_path / "anchors.csv").write_text("\n".join([*lines, ""]))
+    lines = ["id,x,y", *(f"{anchor},{x},{y}" for anchor, (x, y) in PLACES.items())]
+    if form != "places":  # which are in the messages
+        (tmp_path / "anchors.csv").write_text("\n".join([*lines, ""]))
     found = inspect_recording(tmp_path)
     assert (list(found.log.readings), found.log.anchors.names) == (["anchor_range"], ("A1", "A2"))
     assert (len(found.log.robots), {*found.log.readings["anchor_range"].other}) == (len(team), {0, 1})
