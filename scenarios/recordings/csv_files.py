@@ -155,12 +155,13 @@ def rows_of(
 
 
 def in_si(numbers: Array, columns: Sequence[LogColumn | None]) -> Array:
-    """Return columns (m, k) in SI units from their numbers (m, fields), those of a quaternion together; None: nan."""
+    """Return columns (m, k) in SI units from their numbers (m, fields), those of one quantity together; None: nan."""
+
+    def read(c: LogColumn, of: Sequence[Array]) -> Array:
+        return _heading(*of) if c.quaternion else c.factor * (np.hypot(*of) if c.norm else of[0])
+
     rest, none = iter(numbers.T), np.full(len(numbers), np.nan)
-    si = [
-        none if c is None else _heading(*(next(rest) for _ in c.quaternion)) if c.quaternion else next(rest) * c.factor
-        for c in columns
-    ]
+    si = [none if c is None else read(c, [next(rest) for _ in c.columns]) for c in columns]
     return np.array(si).T.reshape(-1, len(columns))
 
 

@@ -27,7 +27,8 @@ file is in SI units, else `{column = "x", unit = "mm"}`:
     heading = "yaw"
 
 One file may hold all robots, with columns of each: `x = "{robot}_x"`. A heading may be a quaternion, of x, y, z and w
-or of z and w: `heading = { quaternion = ["qx", "qy", "qz", "qw"] }`. Dates are seconds since 1970.
+or of z and w: `heading = { quaternion = ["qx", "qy", "qz", "qw"] }`; a speed the norm of a velocity along fixed axes:
+`speed = { norm = ["vx", "vy"] }`. Dates are seconds since 1970.
 
 In a bag there are topics instead: `topic = "/{robot}/odom"`, `topic = "/uwb/{robot}/{other}/distance"`. Beside it a
 table may still name CSV files, such as those of the truth. Of bags that robots recorded at the same time, in one
@@ -70,10 +71,11 @@ class Strict(BaseModel):
 
 
 class LogColumn(Strict):
-    """A column of the CSV files and its unit; or the columns of a quaternion, which is a heading."""
+    """A column of the CSV files and its unit; or the columns of a quaternion, which is a heading, or of a velocity."""
 
     column: str = ""
     quaternion: Annotated[tuple[str, ...], Field(max_length=4)] = ()  # x, y, z, w; or z, w
+    norm: Annotated[tuple[str, ...], Field(max_length=2)] = ()  # of a velocity along two fixed axes: the speed
     unit: str | None = None  # SI where it is not stated
     factor: Annotated[float, Field(exclude=True)] = 1.0  # follows from the unit
 
@@ -87,12 +89,14 @@ class LogColumn(Strict):
             return given
         if isinstance(given, Mapping) and set(given) == {"quaternion"} and len(given["quaternion"]) in (2, 4):
             return given
+        if isinstance(given, Mapping) and set(given) - {"unit"} == {"norm"} and len(given["norm"]) == 2:
+            return given
         raise ValueError('write a column as "name" or {column = "name", unit = "cm"}')
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """The names of the columns: one, or those of a quaternion."""
-        return self.quaternion or (self.column,)
+        """The names of the columns: one, or those of a quaternion or of a velocity."""
+        return self.quaternion or self.norm or (self.column,)
 
 
 def _unit_of(si: str) -> AfterValidator:
@@ -103,6 +107,8 @@ def _unit_of(si: str) -> AfterValidator:
         plain = unit.removeprefix("-") if si not in ("s", "") else unit
         if column.quaternion and si != "rad":
             raise ValueError("only a heading can be a quaternion; name a column")
+        if column.norm and si != "m/s":
+            raise ValueError("only a speed can be the norm of two columns; name one")
         if plain not in UNITS[si]:
             raise ValueError(f"unit {unit!r} is not one of {', '.join(UNITS[si])}")
         return column.model_copy(update={"factor": UNITS[si][plain] * (1.0 if plain == unit else -1.0)})

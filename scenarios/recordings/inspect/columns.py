@@ -10,9 +10,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cooploc.estimators.errors import BadInput
-from cooploc.estimators.interface import Array
+from cooploc.estimators.interface import Array, Mask
 from cooploc.scenarios.recordings.inspect import naming
 from cooploc.scenarios.recordings.inspect.nameless import names_by_values
+from cooploc.scenarios.recordings.schema import UNITS
 from cooploc.scenarios.recordings.text_files import (
     LEAST_LEFT,
     Rows,
@@ -35,6 +36,7 @@ class Guess(NamedTuple):
     side: str  # "truth" or "odometry", if the name says so
     reason: str
     quaternion: tuple[str, ...] = ()  # the columns of which it is the last
+    norm: tuple[str, ...] = ()  # of a speed: the columns of velocities along x and y of the world
 
 
 class CsvTable(NamedTuple):
@@ -156,7 +158,7 @@ ENDS = ("i", "j", "a", "b", "rx", "tx")  # names of the columns of who measured 
 RELATIVE = {"dx": "ahead", "dy": "left"}  # quantities that are of places if a column says whose
 MEASURED = {*RELATIVE, "range", "rssi", "bearing", "ahead", "left", "x", "speed"}
 FLAGS = 10  # values that a column without a quantity may have and be no measurement
-PART = "part of a quaternion"
+PART = "read with another column"
 BESIDE = "beside who was seen, perhaps"
 OF_FLIGHT = "a time of flight: write the range, 0.299792458 m for each ns"
 
@@ -170,6 +172,7 @@ def infer_columns(table: CsvTable) -> tuple[Guess, ...]:
             guess._replace(
                 column=columns[guess.column],
                 quaternion=tuple(columns[name] for name in guess.quaternion),
+                norm=tuple(columns[name] for name in guess.norm),
                 reason=f"{guess.column!r} by its place and its values{', perhaps' * (guess.quantity != 'time')}"
                 if guess.quantity
                 else guess.reason,
@@ -196,6 +199,7 @@ def infer_columns(table: CsvTable) -> tuple[Guess, ...]:
                 why = "two columns with the same names" if same else "what measured, and what was measured"
                 why = "what measured, and an anchor" if of_anchors else why
                 guesses[guesses.index(one)] = one._replace(quantity=quantity, reason=why)
+    guesses = _join_velocities(table, guesses)
     there = {guess.quantity for guess in guesses}
     return tuple(_seen_at(table, _seen_of_another(table, guesses, there)) if {"time", "other"} <= there else guesses)
 
@@ -256,6 +260,54 @@ def _quaternions(table: CsvTable) -> dict[str, Guess]:
             whole = f"with {', '.join(own[:-1])} of length 1: a quaternion"
             found[column] = Guess(column, "heading", "rad", "", whole, tuple(own))
     return found
+
+
+SIDEWAYS = 0.2  # of the speed, on average: robots on two wheels have less to the side
+TO_THE_SIDE = "to the side, and large beside what is ahead: it is not used"
+
+
+def _join_velocities(table: CsvTable, guesses: list[Guess]) -> list[Guess]:
+    """Return guesses where velocities along x and y of the world are one speed; others to the side are marked.
+
+    Velocities of the world's axes turn as the robot does; a robot's own have next to nothing to the side.
+    """
+    speed = next((g for g in guesses if g.quantity == "speed" and "x" in g.column), None)
+    if speed is None:
+        return guesses
+    left = "y".join(speed.column.rsplit("x", 1))
+    values = [v for c in (speed.column, left) if not isinstance(v := table.columns.get(c, ()), tuple)]
+    if len(values) < 2 or not np.isfinite(total := np.hypot(*values)).any():
+        return guesses
+    whose = next((np.asarray(table.columns[g.column]) for g in guesses if g.quantity == "robot"), np.zeros(len(total)))
+    own = whose == whose[0]  # the lines of several robots may alternate
+    fast = np.flatnonzero(own & (total > 0.3 * np.nanquantile(total, 0.9)))
+    ahead, to_left = (v[fast] for v in values)
+    if not (to_left**2).sum() > SIDEWAYS**2 * (total[fast] ** 2).sum():
+        return guesses
+    course, turned = np.unwrap(np.arctan2(to_left, ahead)), _turned(table, guesses, own)[fast]
+    of_world = np.ptp(course) > 0.5 and np.std(course - turned) < 0.3 * np.std(course)
+    why = f"with {left!r} along the axes of the world, as they turn with the robot"
+    new = {left: Guess(left, "", "", "", PART if of_world else TO_THE_SIDE)}
+    new |= {speed.column: speed._replace(norm=(speed.column, left), reason=why)} if of_world else {}
+    return [new.get(g.column, g) for g in guesses]
+
+
+def _turned(table: CsvTable, guesses: Sequence[Guess], own: Mask) -> Array:
+    """Return how far a robot turned up to each of its `own` lines [rad], by rates or headings; nan if not known."""
+    of = {g.quantity: g for g in guesses if not g.quaternion and not isinstance(table.columns[g.column], tuple)}
+    turned = np.full(len(own), np.nan)
+
+    def si(quantity: str, unit: str) -> Array:
+        told = of[quantity].unit
+        factor = UNITS[unit][told.removeprefix("-")] * (-1 if told.startswith("-") else 1)
+        return factor * np.asarray(table.columns[of[quantity].column], float)[own]
+
+    if {"time", "turn_rate"} <= of.keys():
+        t = si("time", "s")
+        turned[own] = np.nancumsum(si("turn_rate", "rad/s") * np.diff(t, prepend=t[0]))
+    elif "heading" in of:
+        turned[own] = np.unwrap(si("heading", "rad"))
+    return turned
 
 
 def _guess(table: CsvTable, column: str, file_side: str) -> Guess:

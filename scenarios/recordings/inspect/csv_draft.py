@@ -34,6 +34,8 @@ from cooploc.scenarios.recordings.inspect.table_parts import (
     READINGS,
     STAMPS,
     TablePart,
+    find_sideways,
+    list_columns,
     merge_parts,
     parts_of,
     split_places,
@@ -281,6 +283,7 @@ def _draft_run(folder: Path, data: Path) -> tuple[Draft, tuple[str, ...]]:
         if unread or needed == "odometry":
             raise BadInput(unread or f"{folder}: no file has columns that look like {LOOKS[needed]}; {REMEDY}")
         unused.append(f"{needed}, as no file has columns that look like {LOOKS[needed]}")
+    doubts += tuple(finding for part in parts for finding in find_sideways(part))
     robots = ("robot",) if runs else _robots(folder, parts)
     unused += [] if runs else _half_robots(parts, robots)
     fixed = [name for part in parts if part.table in ("anchors", "landmarks") for name in _places_of(part, robots)]
@@ -367,14 +370,6 @@ def _lack_of(needed: str, folder: Path, files: Sequence[CsvTable], lacking: Mapp
             stamps = [f" ({g.reason})" for g in file.guesses if naming.name_meaning(g.column)[0] in ("time", "sec")]
             return f"{folder / file.name}: {NO_STAMPS}{''.join(stamps)}; add one, such as `time` [s]"
     return ""
-
-
-def list_columns(names: Iterable[str]) -> str:
-    """Return the names of columns in a line: covariance0 to covariance35 for all between."""
-    groups: dict[str, list[str]] = {}
-    for name in names:
-        groups.setdefault(name.rstrip("0123456789"), []).append(name)
-    return ", ".join(f"{some[0]} to {some[-1]}" if len(some) > 2 else ", ".join(some) for some in groups.values())
 
 
 def _for_files(lines: Iterable[tuple[str, str]]) -> list[str]:
@@ -594,7 +589,9 @@ def column_entry(quantity: str, guess: Guess) -> Entry:
 
 
 def _column(guess: Guess) -> Any:
-    """Return a column in TOML: its name alone if its unit is SI; the columns of a quaternion."""
+    """Return a column in TOML: its name alone if its unit is SI; the columns of a quaternion, or of a velocity."""
     if guess.quaternion:
         return {"quaternion": list(guess.quaternion)}
+    if guess.norm:
+        return {"norm": list(guess.norm)} | ({} if guess.unit in UNITS else {"unit": guess.unit})
     return guess.column if guess.unit in UNITS else {"column": guess.column, "unit": guess.unit}

@@ -15,9 +15,9 @@ class Finding(NamedTuple):
 
     Kinds: unit, degrees, radians (read as another unit), clock (stamps with an offset), robots (truths of two were
     exchanged), axes (x and y exchanged), mirrored (left is right), frame (turned), heading (clockwise, or with an
-    offset), turn sign (positive to the right), jump (away and back), stale (positions that repeat), gap, span (begins
-    late or ends early), names (who measured whom), height, places (of anchors, landmarks), bias (of ranges),
-    bearing and dropped (what could not be read).
+    offset), turn sign (positive to the right), sideways (moves of which speeds say nothing), jump (away and back),
+    stale (positions that repeat), gap, span (begins late or ends early), names (who measured whom), height, places (of
+    anchors, landmarks), bias (of ranges), bearing and dropped (what could not be read).
     """
 
     kind: str

@@ -1,6 +1,6 @@
 """The tables of log.toml that the columns of text files make: odometry, turns, truth, readings, places."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import compress
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -8,7 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cooploc.scenarios.recordings.inspect import naming
-from cooploc.scenarios.recordings.inspect.columns import PART, CsvTable, Guess, infer_columns, number_name
+from cooploc.scenarios.recordings.inspect.columns import PART, TO_THE_SIDE, CsvTable, Guess, infer_columns, number_name
+from cooploc.scenarios.recordings.inspect.findings import Finding
 from cooploc.scenarios.recordings.schema import COLUMNS, UNITS
 
 READINGS = ("sightings", "ranges", "rssi")
@@ -137,6 +138,23 @@ def split_places(files: Sequence[CsvTable]) -> tuple[list[CsvTable], list[CsvTab
             file = file._replace(columns=left, guesses=tuple(g for g in file.guesses if g.column in left))
         kept.append(file)
     return kept, [table._replace(guesses=infer_columns(table)) for table in found[:1]]
+
+
+def find_sideways(part: TablePart) -> Iterator[Finding]:
+    """Yield what is odd about speeds of robots that move to the side."""
+    sides = [g.column for f in part.files for g in f.guesses if g.reason == TO_THE_SIDE]
+    if sides and part.kind == "velocity":
+        fact = f"robots move to the side ({sides[0]}), of which speed and turn_rate say nothing"
+        setting = 'kind = "displacement", with steps dx, dy along fixed axes, in place of speeds'
+        yield Finding("sideways", "", part.file_names[0], fact, "likely", setting, "odometry")
+
+
+def list_columns(names: Iterable[str]) -> str:
+    """Return the names of columns in a line: covariance0 to covariance35 for all between."""
+    groups: dict[str, list[str]] = {}
+    for name in names:
+        groups.setdefault(name.rstrip("0123456789"), []).append(name)
+    return ", ".join(f"{some[0]} to {some[-1]}" if len(some) > 2 else ", ".join(some) for some in groups.values())
 
 
 def why_no_table(file: CsvTable, halves: bool = False) -> str:

@@ -218,6 +218,15 @@ def compass(files):
     return renamed({"theta": "compass_deg"})(turned)
 
 
+def along_fixed_axes(files):
+    """Velocities along x and y of the world in place of speeds, in mm/s."""
+    for robot in ROBOTS:
+        odometry = files[f"odom_{robot}.csv"]
+        speed, heading = 1000 * odometry.pop("v"), 2.0 + 0.1 * odometry["omega"].cumsum()
+        odometry[["vx_mm", "vy_mm"]] = np.stack([speed * np.cos(heading), speed * np.sin(heading)], -1)
+    return files
+
+
 # How the tables are changed, how they are written, and how their text is changed.
 HABITS = {
     "Parquet": (SAME, lambda table, path: table.set_index("time").to_parquet(path.with_suffix(".parquet")), None),
@@ -226,6 +235,7 @@ HABITS = {
     "JSON columns": (SAME, as_json({}), None),
     "JSON objects": (SAME, as_json({"orient": "records"}), None),
     "a compass": (compass, {}, None),
+    "velocities": (along_fixed_axes, {}, None),
     "decimal commas": (renamed(GERMAN), {"sep": ";", "decimal": ","}, None),
     "Spanish": (renamed(SPANISH), {"encoding": "latin-1"}, None),
     "UTF-16": (SAME, {"encoding": "utf-16"}, None),

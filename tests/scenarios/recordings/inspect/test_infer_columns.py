@@ -5,9 +5,8 @@ import pytest
 
 from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.recordings.inspect.columns import read_csv
-from cooploc.scenarios.recordings.inspect.csv_draft import list_columns
 from cooploc.scenarios.recordings.inspect.naming import file_pattern, name_meaning, pairs_with_places, pattern_of_mates
-from cooploc.scenarios.recordings.inspect.table_parts import parts_of
+from cooploc.scenarios.recordings.inspect.table_parts import list_columns, parts_of
 
 LINES = 40
 ANGLE = np.linspace(0, 6, LINES)
@@ -40,6 +39,33 @@ def test_x_and_y_of_what_was_seen_are_ahead_and_to_the_left_if_it_is_said_who_sa
     columns = {"t": range(LINES), "robot": ["a"] * LINES, "tag_id": [7] * LINES, "x": ANGLE, "y": ANGLE + 1} | more
     found = guessed(tmp_path, {key: values for key, values in columns.items() if values is not None}, name)
     assert [found[q].quantity for q in "xy"] == seen
+
+
+SWAY = np.sin(3 * ANGLE)
+
+
+@pytest.mark.parametrize(
+    ("vx", "vy", "turns", "meant"),
+    [
+        (np.cos(ANGLE), np.sin(ANGLE), {"w": np.full(LINES, ANGLE[1])}, "norm"),
+        (np.cos(ANGLE), np.sin(ANGLE), {"yaw_deg": np.degrees(ANGLE + 1)}, "norm"),
+        (np.cos(ANGLE), np.sin(ANGLE), {}, "to the side"),  # how the robot turns is not known
+        (np.ones(LINES), SWAY, {"w": np.full(LINES, ANGLE[1])}, "to the side"),
+        (np.cos(ANGLE), np.sin(ANGLE), {"w": np.zeros(LINES)}, "to the side"),  # it does not turn
+        (np.ones(LINES), 0.1 * SWAY, {"w": np.full(LINES, ANGLE[1])}, "ahead"),
+        (np.zeros(LINES), np.zeros(LINES), {"w": np.zeros(LINES)}, "ahead"),
+        (np.full(LINES, "nan"), np.full(LINES, "nan"), {"w": np.zeros(LINES)}, "ahead"),
+    ],
+)
+@pytest.mark.parametrize("robots", [1, 2])
+def test_velocities_are_along_the_axes_of_the_world_if_they_turn_with_the_robot(tmp_path, vx, vy, turns, meant, robots):
+    columns = {"time": np.arange(LINES), "robot": np.full(LINES, 1), "vx": vx, "vy": vy, **turns}
+    columns = {name: np.repeat(values, robots) for name, values in columns.items()}
+    columns["robot"][1::2] += robots - 1
+    columns["vx"][1::2] = columns["vx"][1::2] if robots == 1 else columns["vx"][::-2]  # of another robot
+    found = guessed(tmp_path, columns)
+    assert found["vx"].norm == (("vx", "vy") if meant == "norm" else ())
+    assert ("to the side" in found["vy"].reason) == (meant == "to the side")
 
 
 def test_the_folder_of_a_file_may_say_what_it_is_about(tmp_path):

@@ -801,3 +801,24 @@ def test_texts_without_names_of_columns_say_what_to_add(tmp_path, lines, words):
     (tmp_path / "odom.txt").write_text("\n".join(lines) + "\n")
     with pytest.raises(cl.BadInput, match=words):
         cl.inspect(tmp_path)
+
+
+def test_speeds_to_the_side_are_said_as_no_turn_rate_has_them(tmp_path):
+    for name, columns in two_robots(seconds=40).items():
+        table = pd.DataFrame(columns).rename(columns={"v": "vx"})
+        if "vx" in table:
+            table["vy"] = 0.5 * table["vx"] * np.sin(table["time"])
+        table.to_csv(tmp_path / name, index=False)
+    inspected = cl.inspect(tmp_path).inspected
+    (found,), text = inspected.findings, inspected.text
+    assert (found.kind, found.table, found.sure) == ("sideways", "odometry", "likely")
+    assert found.setting.startswith('kind = "displacement"')
+    (tmp_path / "log.toml").write_text(text.replace('speed = "vx"', 'speed = { norm = ["vx", "vy"] }'))
+    tables = [pd.read_csv(tmp_path / f"odom_{robot}.csv") for robot in ROBOTS]
+    log = cl.inspect(tmp_path).inspected.log
+    for robot, table in zip(ROBOTS, tables, strict=True):
+        read = log.odometry[log.robots.index(robot)].values[:, 0]
+        np.testing.assert_allclose(read, np.hypot(table["vx"], table["vy"]))
+    (tmp_path / "log.toml").write_text(text.replace('x = "x"', 'x = { norm = ["x", "y"] }'))
+    with pytest.raises(BadInput, match=r"truth.x: only a speed can be the norm of two columns; name one"):
+        cl.inspect(tmp_path)
