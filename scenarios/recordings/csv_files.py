@@ -30,6 +30,7 @@ from cooploc.scenarios.recordings.team_log import (
     compose_poses,
     order_series,
     reading_tables,
+    without_leaps,
     without_missing,
 )
 from cooploc.scenarios.recordings.text_files import read_lines, read_text, split_fields, unwrap_stamps
@@ -198,6 +199,9 @@ def read_motion(run: RunFiles, table: Odometry | Turns | GroundTruth) -> Mapping
                     values[:, 1] = 0.0 if columns[1] is None else values[:, 1]  # no motion to the side
                     values[np.isnan(values[:, 2])] = np.nan  # of a step without its turn nothing is known
                 found[robot], notes = order_series(rows.time[mine], values, str(rows.path))
+                if isinstance(table, Odometry) and table.kind == "path":
+                    found[robot], leaps = without_leaps(found[robot])
+                    notes += leaps
                 if steps and len(found[robot].time):
                     found[robot] = found[robot]._replace(values=compose_poses(found[robot].values[1:]))
                 run.warnings.extend(notes)

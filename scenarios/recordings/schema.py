@@ -222,6 +222,7 @@ class Odometry(Source):
     dx: Metres | None = None
     dy: Metres | None = None
     turn: Angle | None = None
+    turn_bias: PerRobot = 0.0  # [rad/s] subtracted from turn rates: what a gyroscope says of a robot that stands
 
     @model_validator(mode="after")
     def _has_its_columns(self) -> Self:
@@ -232,6 +233,8 @@ class Odometry(Source):
         if not {*needed} - may_lack <= given <= {*needed}:
             takes, has = (", ".join(names) or "no columns" for names in (needed, sorted(given)))
             raise ValueError(f"kind {self.kind!r} takes {takes}, not {has}")
+        if self.turn_bias and self.kind not in ("velocity", "path"):
+            raise ValueError(f"turn_bias is of turn rates, which kind {self.kind!r} has not")
         return self
 
 
@@ -245,7 +248,10 @@ COLUMNS: Mapping[str, tuple[str, ...]] = {  # of each kind of odometry
 
 
 class Turns(Source):
-    """Turn rates, or headings, of another sensor than the speeds', such as a gyroscope: with stamps of their own."""
+    """Turn rates, or headings, of another sensor than the speeds', such as a gyroscope: with stamps of their own.
+
+    `turn_bias` of [odometry] holds for them.
+    """
 
     turn_rate: TurnRate | None = None
     heading: Angle | None = None
@@ -496,7 +502,7 @@ class TeamDescription(Strict):
         if twice is not None:
             raise ValueError(f"{twice!r} is the name of two things among robots, anchors and landmarks; rename one")
         for table in self._sources:
-            for key in ("clock_offset", "heading_offset", "bearing_offset"):
+            for key in ("clock_offset", "heading_offset", "bearing_offset", "turn_bias"):
                 offsets = getattr(table, key, 0.0)
                 named = offsets if isinstance(offsets, Mapping) else ()
                 if stranger := next((name for name in named if name not in self.robots), ""):

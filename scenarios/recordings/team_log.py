@@ -200,6 +200,22 @@ def order_series(time: Array, values: Array, source: str, last: bool = False) ->
     return Series(time[kept], values[kept], source), [*left_out, *(f"{source}: {note}" for note in notes)]
 
 
+LEAP = 20.0  # usual steps of a counter, and a metre: a longer one is none
+
+
+def without_leaps(counter: Series) -> tuple[Series, list[str]]:
+    """Return a counter of metres (m, 1 or 2) that goes on where it leaps, as one that overflows or begins again."""
+    steps = np.diff(counter.values[:, 0])
+    leaps = np.abs(steps) > max(LEAP * np.quantile(np.abs(steps), 0.9, method="nearest"), 1.0) if len(steps) else steps
+    if not np.any(leaps):
+        return counter, []
+    values = counter.values.copy()
+    values[1:, 0] = values[0, 0] + np.cumsum(np.where(leaps, 0.0, steps))
+    longest = f"{steps[np.argmax(np.abs(steps))]:.4g} m"
+    note = f"{counter.source}: the counter leaps {count_of(int(np.sum(leaps)), 'time')}, by up to {longest}; it goes on"
+    return counter._replace(values=values), [f"{note} as if it stood"]
+
+
 def compose_poses(steps: Array) -> Array:
     """Return the poses (m + 1, 3) from the origin on to which steps (m, 3), each in the frame of the pose before, lead.
 
@@ -278,7 +294,11 @@ def build_log(
         channels, dropped = split_channels(kind, measured.get(kind, []), robots, fixed.names)
         readings |= channels
         notes += dropped
-    moved = tuple(odometry[robot] for robot in robots)
+    biases = values_of(d.moves.turn_bias, robots)
+    moved = tuple(
+        odometry[robot]._replace(values=odometry[robot].values - [0.0, bias]) if bias else odometry[robot]
+        for robot, bias in zip(robots, biases, strict=True)
+    )
     landmarks, anchors = stated_places(d.landmarks), stated_places(d.anchors)
     if d.anchors and "anchor_range" in readings:
         slant = readings.pop("anchor_range")

@@ -5,7 +5,6 @@ turn or mirroring of a frame changes. Then clocks; then frames and headings. A f
 comes from the truth, which would otherwise reach the estimators that are judged by that same truth.
 """
 
-import re
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
@@ -63,8 +62,9 @@ def check_recording(log: TeamLog) -> CheckedLog:
     check_clocks_of_readings(c)
     check_robots(check_stale, check_jumps)
     check_range_units(c)
-    check_robots(check_compass_frame if log.odometry_kind == "displacement" else check_frame, check_sideways)
-    _join_heading_offsets(c)
+    of_frame = check_compass_frame if log.odometry_kind == "displacement" else check_frame
+    check_robots(of_frame, check_sideways, check_turn_bias)
+    c.join_offsets("heading_offset", "turn_bias")
     check_delays(c)
     check_height(c)
     check_places(c)
@@ -553,11 +553,16 @@ def check_sideways(c: CheckedLog, i: int) -> None:
         c.add("frame", i, odometry.source, fact, "likely", setting, "odometry")
 
 
-def _join_heading_offsets(c: CheckedLog) -> None:
-    """Write the offsets of all robots' headings into one setting, as a file has it once."""
-    joint, each = re.compile(r"(?<=heading_offset = \{ ).*(?= \})"), [f for f in c.findings if f.kind == "heading"]
-    offsets = ", ".join(found[0] for f in each if (found := joint.search(f.setting)))
-    c.findings = [f._replace(setting=joint.sub(offsets, f.setting)) if f in each else f for f in c.findings]
+def check_turn_bias(c: CheckedLog, i: int) -> None:
+    """Find turn rates that are off by a constant, as those of a gyroscope: the truth turns as fast but for that."""
+    if c.log.odometry_kind not in ("velocity", "path") or not motion.moves(c.log, i):
+        return
+    odometry, (bias, error, span) = c.log.odometry[i], motion.turn_bias(motion.robot_motion(c.log, i))
+    if abs(bias) > EVIDENCE * error and abs(bias) * span > motion.LEADS_ASTRAY:
+        fact = f"odometry turns {bias:+.2g} rad/s where the truth does not: {bias * span:+.2g} rad in {span:.3g} s"
+        setting = f"turn_bias = {{ {c.log.robots[i]} = {bias:.3g} }}"
+        c.add("turn bias", i, odometry.source, fact, "likely", setting, "odometry")
+        c.correct("odometry", i, odometry._replace(values=odometry.values - [0.0, bias]))
 
 
 def check_compass_frame(c: CheckedLog, i: int) -> None:

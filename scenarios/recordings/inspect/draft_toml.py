@@ -11,7 +11,7 @@ from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.recordings.inspect.columns import FAR
 from cooploc.scenarios.recordings.inspect.findings import Finding
 from cooploc.scenarios.recordings.sampling import span
-from cooploc.scenarios.recordings.schema import UNITS
+from cooploc.scenarios.recordings.schema import UNITS, Sample
 from cooploc.scenarios.recordings.team_log import TeamLog, arena_around
 
 WIDEST = 100  # characters in a line before its comment moves above it
@@ -132,10 +132,14 @@ def _settings(log: TeamLog, runs: int) -> tuple[DraftTable, ...]:
     length = common_span(log) or max((float(t[-1] - t[0]) for t in stamps), default=FIRST_PART)
     tick = next((t for t in TICKS if t >= 0.99 * max(usual, 0.1)), TICKS[-1])
     max_gap = round(max(0.5, 5 * usual, 2 * of_truth), 3)
-    sample = (
+    sample: tuple[Entry, ...] = (
         Entry("tick", tick, f"[s] odometry comes every {usual:.3g} s"),
         Entry("max_gap", max_gap, "[s] five intervals of odometry or two of the truth, at least 0.5", "likely"),
     )
+    hold = max((float(np.quantile(np.diff(t), 0.95)) for t in stamps), default=0.0)
+    if log.odometry_kind in ("velocity", "path") and hold > Sample().max_hold:
+        why = "[s] some speeds hold so long, as odometry is written seldom"
+        sample = (*sample, Entry("max_hold", float(f"{1.5 * hold:.2g}"), why, "perhaps"))
     headed = all(s is None or np.isfinite(s.values[:, 2]).any() for s in log.truth) and any(log.truth)
     why = "the truth has a heading" if headed else "the truth has no heading: the direction of the first motion"
     prior = (

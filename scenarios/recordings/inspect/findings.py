@@ -1,5 +1,6 @@
 """Findings of an inspection: what is odd about a recording, and the data with that corrected, for the next checks."""
 
+import re
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple, TypeVar
 
@@ -15,9 +16,9 @@ class Finding(NamedTuple):
 
     Kinds: unit, degrees, radians (read as another unit), clock (stamps with an offset), robots (truths of two were
     exchanged), axes (x and y exchanged), mirrored (left is right), frame (turned), heading (clockwise, or with an
-    offset), turn sign (positive to the right), sideways (moves of which speeds say nothing), jump (away and back),
-    stale (positions that repeat), gap, span (begins late or ends early), names (who measured whom), height, places (of
-    anchors, landmarks), bias (of ranges), bearing and dropped (what could not be read).
+    offset), turn sign (positive to the right), turn bias, sideways (moves of which speeds say nothing), jump (away and
+    back), stale (positions that repeat), gap, span (begins late or ends early), names (who measured whom), height,
+    places (of anchors, landmarks), bias (of ranges), bearing and dropped (what could not be read).
     """
 
     kind: str
@@ -59,6 +60,13 @@ class CheckedLog:
             every = getattr(self.log, table)
             changed = {table: (*every[:robot], data, *every[robot + 1 :])}
         self.log = self.log._replace(**changed)
+
+    def join_offsets(self, *keys: str) -> None:
+        """Write the offsets of all robots by one key into one setting, as a file has it once."""
+        for key in keys:
+            joint = re.compile(rf"(?<={key} = {{ ).*(?= }})")
+            offsets = ", ".join(found[0] for f in self.findings if (found := joint.search(f.setting)))
+            self.findings = [f._replace(setting=joint.sub(offsets, f.setting)) for f in self.findings]
 
 
 def divide_columns(series: Values, factor: float, columns: tuple[int, ...]) -> Values:

@@ -188,6 +188,30 @@ def dead_reckoned(log: TeamLog, robot: int) -> Array | None:
 FEWEST_WINDOWS = 25  # that two series must have in common
 
 
+LEADS_ASTRAY = 0.2  # [rad] in all that a bias must turn to matter
+LONG, MANY = 5.0, 100  # [s] of windows, and how many there may be of shorter ones, in which turns are compared
+
+
+def turn_bias(m: RobotMotion) -> tuple[float, float, float]:
+    """Return what odometry turns where the truth does not [rad/s], its standard error, and the time it is of [s].
+
+    It is the intercept of a line; of those by odometry's and by the truth's noise alone the one that is nearer to 0.
+    """
+    span = float(m.truth.time[-1] - m.truth.time[0]) if len(m.truth.time) else 0.0
+    longer = m._replace(window=max(m.window, min(LONG, span / MANY)))
+    steps, of_truth = longer.common_steps()
+    x, y = true_turns(of_truth) / longer.window, steps.turn / longer.window
+    off = np.abs(y - x - quantile(y - x, 0.5))
+    kept = off <= 5 * max(robust_sd(y - x), 1e-9)
+    x, y = x[kept], y[kept]
+    if len(x) < FEWEST_WINDOWS or not (both := np.cov(x, y))[0, 1] > 0:
+        return 0.0, np.inf, span
+    slopes = both[0, 1] / both[0, 0], both[1, 1] / both[0, 1]
+    first, second = (float(y.mean() - slope * x.mean()) for slope in slopes)
+    error = np.std(y - slopes[0] * x) * (1 / len(x) + x.mean() ** 2 / (len(x) * both[0, 0])) ** 0.5
+    return min(first, second, key=abs) if first * second > 0 else 0.0, float(error), len(x) * longer.window
+
+
 def agreement(measured: Steps, true: Steps) -> float:
     """Return the correlation of moves over all turns and reflections; else of lengths and turns of any sign.
 

@@ -128,6 +128,12 @@ FAULTS = {
     "turns in degrees": ("degrees", "r0", "no-compass", series("odometry", 0, times(1, DEGREES))),
     "headings in degrees": ("degrees", "r1", "no-compass", series("truth", 1, times(1, 1, DEGREES))),
     "turns to the right": ("turn sign", "r1", "no-compass", series("odometry", 1, times(1, -1))),
+    "a gyroscope's bias": (
+        "turn bias",
+        "r1",
+        "no-compass",
+        series("odometry", 1, lambda t, v: (t, v + np.array([0, 0.1]))),
+    ),
     "clockwise headings": ("heading", "r1", "no-compass", COMPASS),
     "axes exchanged": ("axes", "r1", "trajectory", series("truth", 1, places(lambda x, y: (y, x)))),
     "mirrored frame": ("mirrored", "r1", "trajectory", series("truth", 1, places(lambda x, y: (x, 6 - y)))),
