@@ -1,8 +1,10 @@
-"""Checks of a recording: gaps, units, clocks, impossible positions and frames; `reading_checks` has those of readings.
+"""Checks of a recording: gaps, units, clocks, impossible positions and frames.
 
 Units come first, as they need neither clocks nor frames: the speed of a robot is a number that no shift of a clock,
 turn or mirroring of a frame changes. Then clocks; then frames and headings. A finding is reported, never applied: it
 comes from the truth, which would otherwise reach the estimators that are judged by that same truth.
+
+`odometry_checks` has the faults of odometry alone, `reading_checks` those of readings.
 """
 
 from collections.abc import Callable, Mapping
@@ -16,6 +18,7 @@ from cooploc.estimators.interface import Array, Mask
 from cooploc.estimators.models import wrap
 from cooploc.scenarios.recordings.inspect import motion
 from cooploc.scenarios.recordings.inspect.findings import (
+    EVIDENCE,
     FOLLOWS,
     LEAST_DELAY,
     LENGTH_UNITS,
@@ -23,6 +26,12 @@ from cooploc.scenarios.recordings.inspect.findings import (
     CheckedLog,
     divide_columns,
     unit_of_ratio,
+)
+from cooploc.scenarios.recordings.inspect.odometry_checks import (
+    check_dropouts,
+    check_sideways,
+    check_standstill,
+    check_turn_bias,
 )
 from cooploc.scenarios.recordings.inspect.reading_checks import (
     SHARPER,
@@ -63,7 +72,7 @@ def check_recording(log: TeamLog) -> CheckedLog:
     check_robots(check_stale, check_jumps)
     check_range_units(c)
     of_frame = check_compass_frame if log.odometry_kind == "displacement" else check_frame
-    check_robots(of_frame, check_sideways, check_turn_bias)
+    check_robots(of_frame, check_sideways, check_turn_bias, check_dropouts)
     c.join_offsets("heading_offset", "turn_bias")
     check_delays(c)
     check_height(c)
@@ -200,22 +209,6 @@ def check_turn_unit(c: CheckedLog, i: int) -> None:
         c.correct("odometry", i, divide_columns(odometry, factor, (column,)))
 
 
-def check_standstill(c: CheckedLog, i: int) -> None:
-    """Find odometry that never drives, or never turns, of a robot that does."""
-    m = motion.robot_motion(c.log, i)
-    heading = np.nancumsum(motion.true_turns(m.steps(m.truth)))
-    turns = bool(len(heading)) and np.ptp(heading) > np.pi
-    for column, word, does in (
-        (m.odometry.length, "drives", motion.moves(c.log, i)),
-        (m.odometry.turn, "turns", turns),
-    ):
-        if does and len(column) and np.ptp(column) == 0:
-            setting = "another file or topic has it: name it in [odometry], or turn rates in [turns]"
-            c.add(
-                "standstill", i, c.log.odometry[i].source, f"odometry never {word}, and the robot does", "sure", setting
-            )
-
-
 # --- Clocks
 # In windows as long as two intervals, the lengths and turns of odometry are correlated with those of the truth, for
 # shifts up to a minute or a third of the recording. A robot's odometry must fit its own truth best.
@@ -225,7 +218,6 @@ FITS = 0.5  # correlation from which odometry fits a truth
 BETWEEN: tuple[Channel, ...] = ("range", "sighting")  # channels of ranges between robots
 SAME_CLOCK = 0.2  # [s] shifts of robots that differ by more are of their own clocks
 OWN = 0.8  # correlation from which a truth is the robot's own, without comparing it with the others'
-EVIDENCE = 5.0  # standard errors that a shift, or a scale, must have
 
 
 class ClockFit(NamedTuple):
@@ -531,38 +523,6 @@ def check_frame(c: CheckedLog, i: int) -> None:
         sure = "sure" if headed and follows > FOLLOWS else "likely"
         c.add("turn sign", i, c.log.odometry[i].source, fact, sure, setting, "odometry", names)
         c.correct("odometry", i, divide_columns(c.log.odometry[i], -1.0, columns))
-
-
-def check_sideways(c: CheckedLog, i: int) -> None:
-    """Find poses by odometry that go elsewhere than their own heading, forwards or backwards."""
-    if c.log.odometry_kind != "pose" or not motion.moves(c.log, i):
-        return
-    odometry, window = c.log.odometry[i], motion.robot_motion(c.log, i).window
-    if len(odometry.time) < 2:
-        return
-    edges = np.arange(odometry.time[0], odometry.time[-1], window)
-    columns = (*odometry.values[:, :2].T, np.unwrap(odometry.values[:, 2]))
-    x, y, heading = (np.interp(edges, odometry.time, column) for column in columns)
-    course = motion.course(np.column_stack([np.diff(x), np.diff(y)]))
-    follows, _ = motion.concentration(2 * (course - (heading[1:] + heading[:-1]) / 2))
-    if 0 < follows < FOLLOWS / 2:
-        fact = (
-            f"odometry goes elsewhere than its own heading (agreement {follows:.2f}): steps are perhaps along the axes"
-        )
-        setting = 'of steps kind = "displacement", without turn; else write poses with the heading of the motion'
-        c.add("frame", i, odometry.source, fact, "likely", setting, "odometry")
-
-
-def check_turn_bias(c: CheckedLog, i: int) -> None:
-    """Find turn rates that are off by a constant, as those of a gyroscope: the truth turns as fast but for that."""
-    if c.log.odometry_kind not in ("velocity", "path") or not motion.moves(c.log, i):
-        return
-    odometry, (bias, error, span) = c.log.odometry[i], motion.turn_bias(motion.robot_motion(c.log, i))
-    if abs(bias) > EVIDENCE * error and abs(bias) * span > motion.LEADS_ASTRAY:
-        fact = f"odometry turns {bias:+.2g} rad/s where the truth does not: {bias * span:+.2g} rad in {span:.3g} s"
-        setting = f"turn_bias = {{ {c.log.robots[i]} = {bias:.3g} }}"
-        c.add("turn bias", i, odometry.source, fact, "likely", setting, "odometry")
-        c.correct("odometry", i, odometry._replace(values=odometry.values - [0.0, bias]))
 
 
 def check_compass_frame(c: CheckedLog, i: int) -> None:

@@ -16,9 +16,9 @@ class Finding(NamedTuple):
 
     Kinds: unit, degrees, radians (read as another unit), clock (stamps with an offset), robots (truths of two were
     exchanged), axes (x and y exchanged), mirrored (left is right), frame (turned), heading (clockwise, or with an
-    offset), turn sign (positive to the right), turn bias, sideways (moves of which speeds say nothing), jump (away and
-    back), stale (positions that repeat), gap, span (begins late or ends early), names (who measured whom), height,
-    places (of anchors, landmarks), bias (of ranges), bearing and dropped (what could not be read).
+    offset), turn sign (positive to the right), turn bias, sideways (moves of which speeds say nothing), dropout, jump
+    (away and back), stale (positions that repeat), gap, span (begins late or ends early), names (who measured whom),
+    height, places (of anchors, landmarks), bias (of ranges), bearing and dropped (what could not be read).
     """
 
     kind: str
@@ -78,6 +78,7 @@ def divide_columns(series: Values, factor: float, columns: tuple[int, ...]) -> V
 
 # What checks of motion and of readings have in common.
 
+EVIDENCE = 5.0  # standard errors that a shift, a scale or a bias must have
 FOLLOWS = 0.6  # mean resultant length from which one direction follows another
 LONGEST_DELAY, LEAST_DELAY = 5.0, 0.1  # [s] of ranges, or of a gyroscope, against the truth
 # Values that were read as SI are so many times too large: kind of the finding, unit to write, factor.

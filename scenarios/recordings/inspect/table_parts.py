@@ -121,15 +121,15 @@ def split_places(files: Sequence[CsvTable]) -> tuple[list[CsvTable], list[CsvTab
     for file in files:
         other = next((g.column for g in file.guesses if g.quantity == "other"), "")
         words = file.columns[other] if other else ()
-        named = words if isinstance(words, tuple) else tuple(map(number_name, words))
+        named = words if isinstance(words, tuple) else [number_name(w) if np.isfinite(w) else "" for w in words]
         for x in [c for c in file.columns if named and "x" in naming.words_of(c)]:
             y = "y".join(x.rsplit("x", 1))
             at = [v for c in (x, y) if not isinstance(v := file.columns.get(c, ()), tuple)]
             if len(at) < 2:
                 continue
-            there = np.isfinite(at).min(axis=0)
+            there = np.isfinite(at).min(axis=0) & [name != "" for name in named]
             lines = sorted({*compress(zip(named, *at, strict=True), there)})
-            places = {name: place for name, *place in lines if name}
+            places = {name: place for name, *place in lines}
             if len(places) != len(lines) or 2 * len(lines) > len(named) or len({*map(tuple, places.values())}) < 2:
                 continue
             at_x, at_y = np.array([*places.values()]).T

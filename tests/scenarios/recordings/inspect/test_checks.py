@@ -118,6 +118,11 @@ def turned_survey(log):
     return log._replace(landmarks=log.landmarks._replace(positions=places))
 
 
+def zeros(t, v):
+    v[len(t) // 2 : len(t) // 2 + len(t) // 5] = 0.0
+    return t, v
+
+
 RANGES, DEGREES = ("range", "sighting"), 180 / np.pi
 COMPASS = series("truth", 1, lambda t, v: (t, np.column_stack([v[:, :2], np.pi / 2 - v[:, 2]])))
 # fault -> (kind of the finding, robot whose data it is or "", a world where it can be seen, how it is planted)
@@ -128,6 +133,7 @@ FAULTS = {
     "turns in degrees": ("degrees", "r0", "no-compass", series("odometry", 0, times(1, DEGREES))),
     "headings in degrees": ("degrees", "r1", "no-compass", series("truth", 1, times(1, 1, DEGREES))),
     "turns to the right": ("turn sign", "r1", "no-compass", series("odometry", 1, times(1, -1))),
+    "zeros for a while": ("dropout", "r1", "no-compass", series("odometry", 1, zeros)),
     "a gyroscope's bias": (
         "turn bias",
         "r1",
