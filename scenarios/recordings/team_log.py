@@ -200,19 +200,21 @@ def order_series(time: Array, values: Array, source: str, last: bool = False) ->
     return Series(time[kept], values[kept], source), [*left_out, *(f"{source}: {note}" for note in notes)]
 
 
-LEAP = 20.0  # usual steps of a counter, and a metre: a longer one is none
+LEAP = 10.0  # times a usual speed, and a metre: a counter that goes on faster leaps
 
 
 def without_leaps(counter: Series) -> tuple[Series, list[str]]:
     """Return a counter of metres (m, 1 or 2) that goes on where it leaps, as one that overflows or begins again."""
     steps = np.diff(counter.values[:, 0])
-    leaps = np.abs(steps) > max(LEAP * np.quantile(np.abs(steps), 0.9, method="nearest"), 1.0) if len(steps) else steps
-    if not np.any(leaps):
+    speed = np.abs(steps) / np.diff(counter.time)  # across a gap a counter rises by much, and is right
+    usual = np.quantile(driven, 0.9) if len(driven := speed[steps != 0]) else np.inf
+    leaps = (np.abs(steps) > 1.0) & (speed > LEAP * usual)
+    if not leaps.any():
         return counter, []
     values = counter.values.copy()
     values[1:, 0] = values[0, 0] + np.cumsum(np.where(leaps, 0.0, steps))
     longest = f"{steps[np.argmax(np.abs(steps))]:.4g} m"
-    note = f"{counter.source}: the counter leaps {count_of(int(np.sum(leaps)), 'time')}, by up to {longest}; it goes on"
+    note = f"{counter.source}: the counter leaps {count_of(int(leaps.sum()), 'time')}, by up to {longest}; it goes on"
     return counter._replace(values=values), [f"{note} as if it stood"]
 
 

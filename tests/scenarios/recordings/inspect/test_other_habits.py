@@ -850,7 +850,12 @@ def test_what_a_gyroscope_says_at_rest_is_found_and_subtracted(tmp_path):
         cl.inspect(tmp_path)
 
 
-@pytest.mark.parametrize("leaps", [lambda driven: driven % 7, lambda driven: driven - 9.0 * (driven > 9)])
+def rises(driven):
+    """As a counter does, with nothing written for ten seconds."""
+    return driven.where((driven.index < 300) | (driven.index > 400))
+
+
+@pytest.mark.parametrize("leaps", [lambda driven: driven % 7, lambda driven: driven - 9.0 * (driven > 9), rises])
 def test_a_counter_that_overflows_or_begins_again_goes_on(tmp_path, leaps):
     def counter(table):
         driven = (table.pop("v") * table["time"].diff().fillna(0)).cumsum()
@@ -858,7 +863,7 @@ def test_a_counter_that_overflows_or_begins_again_goes_on(tmp_path, leaps):
 
     clean = write_team(tmp_path, counter)
     inspected = cl.inspect(tmp_path).inspected
-    assert {(f.kind, "the counter leaps" in f.fact) for f in inspected.findings} == {("dropped", True)}
+    assert any("the counter leaps" in f.fact for f in inspected.findings) == (leaps is not rises)
     for robot, series in zip(inspected.log.robots, inspected.log.odometry, strict=True):
         own = clean[f"odom_{robot}.csv"]
         driven = (own["v"] * own["time"].diff().fillna(0)).sum()
