@@ -225,13 +225,13 @@ BLUE = ROBOTS[0]
 
 
 def finding(one: Finding, read: TeamLog, corrected: TeamLog) -> Figure | None:
-    """Draw what a finding rests on; None for a line that could not be read, of which there is nothing to draw.
+    """Draw what a finding rests on; None for a line that could not be read, or for what is of no robot and no readings.
 
     Gaps and late robots: when each series of the robot was recorded. Ranges and bearings: their errors by pair. All
     else: the robot's path as read and as corrected, and its speed by odometry and by the truth, in which shifted
-    clocks, wrong units, jumps and positions that repeat are seen.
+    clocks, wrong units, jumps and positions that repeat are seen; or its turn rate, where that is off.
     """
-    if one.kind == "dropped":
+    if one.kind == "dropped" or (not one.robot and one.source not in {r.source for r in read.readings.values()}):
         return None
     figure = plt.figure(figsize=SIZE, layout="constrained")
     if one.kind in ("gap", "span"):
@@ -242,7 +242,8 @@ def finding(one: Finding, read: TeamLog, corrected: TeamLog) -> Figure | None:
     else:
         path, speed = figure.subplots(1, 2, width_ratios=[1, 1.6])
         _draw_paths(path, read.robots.index(one.robot), read, corrected)
-        _draw_speeds(speed, read.robots.index(one.robot), read, one.kind)
+        turns = one.kind.startswith("turn ") or " it turns " in one.fact
+        (_draw_turns if turns else _draw_speeds)(speed, read.robots.index(one.robot), read, one.kind)
     return figure
 
 
@@ -286,6 +287,21 @@ def _draw_speeds(ax: Axes, robot: int, log: TeamLog, kind: str) -> None:
     style.finish(ax, "time since the first sample [s]", unit)
     if highest:
         ax.legend(frameon=False, fontsize="x-small", ncols=2, loc="upper right")
+
+
+def _draw_turns(ax: Axes, robot: int, log: TeamLog, _: str) -> None:
+    """Draw how fast a robot turns by odometry and by the truth, as read, in windows of at least a second."""
+    found = motion.robot_motion(log, robot)
+    longer, start = found._replace(window=max(found.window, 1.0)), max(found.odometry.time[0], found.truth.time[0])
+    measured, true = longer.common_steps()
+    since = start - min(found.odometry.time[0], found.truth.time[0]) + longer.window * np.arange(len(measured.turn))
+    for turned, colour, label in (
+        (measured.turn, DARK, "odometry"),
+        (motion.true_turns(true), BLUE, "truth"),
+    ):
+        ax.plot(since, turned / longer.window, color=colour, lw=0.9, label=label)
+    style.finish(ax, "time since the first sample [s]", "turn rate [rad/s]")
+    ax.legend(frameon=False, fontsize="x-small", ncols=2, loc="lower right", bbox_to_anchor=(1, 1))
 
 
 def _draw_reading_errors(ax: Axes, one: Finding, log: TeamLog) -> None:
