@@ -242,8 +242,10 @@ def finding(one: Finding, read: TeamLog, corrected: TeamLog) -> Figure | None:
     else:
         path, speed = figure.subplots(1, 2, width_ratios=[1, 1.6])
         _draw_paths(path, read.robots.index(one.robot), read, corrected)
-        turns = one.kind.startswith("turn ") or " it turns " in one.fact
-        (_draw_turns if turns else _draw_speeds)(speed, read.robots.index(one.robot), read, one.kind)
+        if one.kind.startswith("turn ") or " it turns " in one.fact:
+            _draw_turns(speed, read.robots.index(one.robot), read)
+        else:
+            _draw_speeds(speed, read.robots.index(one.robot), read, one.kind)
     return figure
 
 
@@ -289,7 +291,7 @@ def _draw_speeds(ax: Axes, robot: int, log: TeamLog, kind: str) -> None:
         ax.legend(frameon=False, fontsize="x-small", ncols=2, loc="upper right")
 
 
-def _draw_turns(ax: Axes, robot: int, log: TeamLog, _: str) -> None:
+def _draw_turns(ax: Axes, robot: int, log: TeamLog) -> None:
     """Draw how fast a robot turns by odometry and by the truth, as read, in windows of at least a second."""
     found = motion.robot_motion(log, robot)
     longer, start = found._replace(window=max(found.window, 1.0)), max(found.odometry.time[0], found.truth.time[0])

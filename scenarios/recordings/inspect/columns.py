@@ -60,9 +60,12 @@ class CsvTable(NamedTuple):
 
     def names(self, column: str) -> list[str]:
         """Return the different words in a column, in order of appearance."""
+        return list(dict.fromkeys(filter(None, self.words(column))))
+
+    def words(self, column: str) -> Sequence[str]:
+        """Return the word in each line of a column, numbers as names; "" where there is none."""
         values = self.columns[column]
-        words = values if isinstance(values, tuple) else map(number_name, values[np.isfinite(values)])
-        return list(dict.fromkeys(filter(None, words)))
+        return values if isinstance(values, tuple) else [number_name(v) if np.isfinite(v) else "" for v in values]
 
 
 def number_name(number: float) -> str:

@@ -23,7 +23,6 @@ from cooploc.scenarios.recordings.inspect.columns import (
     infer_columns,
     infer_unit,
     no_reading,
-    number_name,
     read_csv,
 )
 from cooploc.scenarios.recordings.inspect.draft_toml import Draft, DraftTable, Entry
@@ -571,8 +570,7 @@ def _places_of(part: TablePart, robots: Sequence[str]) -> dict[str, list[float]]
     Where a robot has the name of a place, such as 1, places are a1, a2, ...
     """
     file, columns = part.files[0], part.columns
-    words = file.columns[columns["name"].column]
-    named = words if isinstance(words, tuple) else [*map(number_name, words)]
+    named = file.words(columns["name"].column)
     x, y = (np.asarray(file.columns[columns[q].column], float) * UNITS["m"][columns[q].unit] for q in "xy")
     sign = "a" * bool({*named} & {*robots})
     return {

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cooploc.scenarios.recordings.inspect import naming
-from cooploc.scenarios.recordings.inspect.columns import PART, TO_THE_SIDE, CsvTable, Guess, infer_columns, number_name
+from cooploc.scenarios.recordings.inspect.columns import PART, TO_THE_SIDE, CsvTable, Guess, infer_columns
 from cooploc.scenarios.recordings.inspect.findings import Finding
 from cooploc.scenarios.recordings.schema import COLUMNS, UNITS
 
@@ -120,8 +120,7 @@ def split_places(files: Sequence[CsvTable]) -> tuple[list[CsvTable], list[CsvTab
     kept, found = list[CsvTable](), list[CsvTable]()
     for file in files:
         other = next((g.column for g in file.guesses if g.quantity == "other"), "")
-        words = file.columns[other] if other else ()
-        named = words if isinstance(words, tuple) else [number_name(w) if np.isfinite(w) else "" for w in words]
+        named = file.words(other) if other else ()
         for x in [c for c in file.columns if named and "x" in naming.words_of(c)]:
             y = "y".join(x.rsplit("x", 1))
             at = [v for c in (x, y) if not isinstance(v := file.columns.get(c, ()), tuple)]
