@@ -252,11 +252,12 @@ def finding(one: Finding, read: TeamLog, corrected: TeamLog) -> Figure | None:
 def _draw_paths(ax: Axes, robot: int, read: TeamLog, corrected: TeamLog) -> None:
     """Draw the true path of a robot as read and as corrected, and odometry alone; what is in another unit is scaled."""
     before, after = (motion.known_truth(log, robot) for log in (read, corrected))
-    if before is not None and after is not None:
-        wide, wanted = (float(np.ptp(one.values[:, :2], axis=0).max()) for one in (before, after))
+    if before is not None:
+        wide, wanted = (float(np.ptp(one.values[:, :2], axis=0).max()) for one in (before, after or before))
         scaled = wide > 5 * wanted > 0 or wanted > 5 * wide > 0
         places = before.values[:, :2] * (wanted / wide if scaled else 1.0)
         ax.plot(*places.T, color=GREY, lw=1.3, label="truth, as read" + ", scaled" * scaled)
+    if after is not None:
         ax.plot(*after.values[:, :2].T, color=BLUE, lw=1.3, label="truth, corrected")
     if (alone := motion.dead_reckoned(corrected, robot)) is not None:
         ax.plot(*alone.T, color=DARK, ls=style.DOTTED, lw=1.0, label="odometry alone")

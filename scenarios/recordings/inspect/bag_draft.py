@@ -37,7 +37,7 @@ from cooploc.scenarios.recordings.inspect.naming import (
     pairs_with_places,
     words_of,
 )
-from cooploc.scenarios.recordings.inspect.table_parts import first_columns, split_places
+from cooploc.scenarios.recordings.inspect.table_parts import HELD, first_columns, is_held, split_places
 from cooploc.scenarios.recordings.radio_nodes import NodeRanges, assign
 from cooploc.scenarios.recordings.team_log import Series
 from cooploc.scenarios.recordings.text_files import files_below
@@ -256,13 +256,20 @@ def _wheels(found: Sequence[TopicInfo], of_fields: Mapping[str, CsvTable]) -> di
 
 
 def _truth(truth: Mapping[str, str], series: Mapping[str, TopicSeries]) -> DraftTable:
-    """Return the truth in poses; where all robots move along x and z alone, y is up, as some trackers have it."""
+    """Return the truth in poses; where all robots move along x and z alone, y is up, as some trackers have it.
+
+    Without headings where these never change.
+    """
     where = _topics(truth, "a pose under the name or number of a robot that is not odometry")
     every = [series[topic] for topic in truth.values()]
     width, height = (max(np.ptp(one.select(q, table="truth")) for one in every) for q in ("y [m]", "z [m]"))
     form = every[0].type.rpartition("/")[2]
     if form not in PLACE or height < FLAT or width > FLAT * height:
-        return DraftTable("truth", (where,))
+        poses = [one.select("heading [rad]", "x [m]", "y [m]") for one in every]
+        if form not in PLACE or not all(is_held(pose[:, :1], pose[:, 1:]) for pose in poses):
+            return DraftTable("truth", (where,))
+        why = f"orientations are {HELD}"
+        return DraftTable("truth", (where, *(Entry(q, f"{PLACE[form][0]}.{q}", why, "likely") for q in "xy")))
     (place, turn), why = PLACE[form], f"y is up: it changes by {width:.2g} m, and z by {height:.2g} m"
     y, heading = {"column": f"{place}.z", "unit": "-m"}, {"quaternion": [f"{turn}.y", f"{turn}.w"]}
     entries = [Entry("x", f"{place}.x", why, "likely"), Entry("y", y, why, "likely")]

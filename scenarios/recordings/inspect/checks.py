@@ -4,7 +4,7 @@ Units come first, as they need neither clocks nor frames: the speed of a robot i
 turn or mirroring of a frame changes. Then clocks; then frames and headings. A finding is reported, never applied: it
 comes from the truth, which would otherwise reach the estimators that are judged by that same truth.
 
-`odometry_checks` has the faults of odometry alone, `reading_checks` those of readings.
+`truth_checks` has the faults of the truth alone, `odometry_checks` and `reading_checks` those of odometry and readings.
 """
 
 from collections.abc import Callable, Mapping
@@ -14,7 +14,7 @@ import numpy as np
 import scipy
 
 from cooploc.estimators.errors import count_of
-from cooploc.estimators.interface import Array, Mask
+from cooploc.estimators.interface import Array
 from cooploc.estimators.models import wrap
 from cooploc.scenarios.recordings.inspect import motion
 from cooploc.scenarios.recordings.inspect.findings import (
@@ -28,7 +28,9 @@ from cooploc.scenarios.recordings.inspect.findings import (
     unit_of_ratio,
 )
 from cooploc.scenarios.recordings.inspect.odometry_checks import (
+    SMOOTH,
     check_dropouts,
+    check_odometry_jumps,
     check_sideways,
     check_standstill,
     check_turn_bias,
@@ -42,6 +44,16 @@ from cooploc.scenarios.recordings.inspect.reading_checks import (
     check_names,
     check_places,
     check_range_units,
+)
+from cooploc.scenarios.recordings.inspect.truth_checks import (
+    FASTEST,
+    STALE_TIME,
+    check_copies,
+    check_held_heading,
+    check_jumps,
+    check_own_frames,
+    check_precision,
+    check_stale,
 )
 from cooploc.scenarios.recordings.team_log import Channel, ReadingSeries, TeamLog
 
@@ -66,10 +78,20 @@ def check_recording(log: TeamLog) -> CheckedLog:
                 check(c, i)
 
     check_gaps(c)
-    check_robots(check_lengths, check_heading_unit, check_turn_unit, check_standstill, check_clock_of_turns)
+    check_copies(c)
+    check_robots(
+        check_held_heading,
+        check_odometry_jumps,
+        check_lengths,
+        check_heading_unit,
+        check_turn_unit,
+        check_standstill,
+        check_clock_of_turns,
+    )
     check_clocks(c)
     check_clocks_of_readings(c)
-    check_robots(check_stale, check_jumps)
+    check_robots(check_stale, check_jumps, check_precision)
+    check_own_frames(c)
     check_range_units(c)
     of_frame = check_compass_frame if log.odometry_kind == "displacement" else check_frame
     check_robots(of_frame, check_sideways, check_turn_bias, check_dropouts)
@@ -112,11 +134,13 @@ def check_gaps(c: CheckedLog) -> None:
 
 # --- Units
 
-FASTEST = 15.0  # [m/s] of ground robots; faster is a unit or a fault
 SLOWEST = 0.005  # [m/s] of a robot that drives for a quarter of the time
 SCALE = 1.5  # times as fast as the truth: no calibration is so far off
 DEGREE = np.pi / 180
 ANGLE_UNITS = (("degrees", "deg", 1 / DEGREE), ("radians", "rad", DEGREE))
+CM_FOR_MM = ("unit", "cm", 0.1)
+FAST = 2.0  # [m/s] of robots indoors
+WINDING = 5.0  # [s] in which robots drive curves
 POSITIONS = ((0, 1), ("x", "y"))
 LENGTHS = {"velocity": ((0,), ("speed",)), "path": ((0,), ("length",)), "displacement": ((0, 1), ("dx", "dy"))}
 
@@ -124,37 +148,42 @@ LENGTHS = {"velocity": ((0,), ("speed",)), "path": ((0,), ("length",)), "displac
 def check_lengths(c: CheckedLog, i: int) -> None:
     """Find lengths of truth or odometry in mm or cm: the third quartile of their speeds differs by 1000 or 100.
 
-    And single speeds that no robot of these drives.
+    Of the truth also those in cm that were taken for mm, by how far they span.
     """
     m, odometry = motion.robot_motion(c.log, i), c.log.odometry[i]
-    speeds = np.abs(odometry.values[:, 0]) if c.log.odometry_kind == "velocity" else np.empty(0)
-    fast = np.flatnonzero(speeds > max(FASTEST, 100 * motion.quantile(speeds, 0.9)))
-    if len(fast):
-        fact = f"{len(fast)} speeds of more than {FASTEST:g} m/s, up to {speeds.max():.3g}"
-        fact += f"; the first {odometry.time[fast[0]] - odometry.time[0]:.1f} s after the start"
-        c.add("jump", i, odometry.source, fact, "sure", "remove these lines", "odometry", ("speed",))
-    if c.log.odometry_kind == "pose":
-        apart = np.hypot(*np.diff(odometry.values[:, :2], axis=0).T)
-        speeds = apart / np.maximum(np.diff(odometry.time), 1e-3)
-        again = np.flatnonzero((apart > JUMP) & (speeds > FAST * max(motion.quantile(speeds, 0.9), 0.05)))
-        if len(again):
-            fact = f"odometry leaps by up to {apart[again].max():.2g} m; the first time"
-            fact += f" {odometry.time[again[0]] - odometry.time[0]:.1f} s after the start: did it begin again?"
-            c.add("jump", i, odometry.source, fact, "sure", "make a run of each part", "odometry", ("x", "y"))
-    driven, moved = (motion.quantile(np.abs(m.steps(of).length), 0.75, 8) / m.window for of in (m.odometry, m.truth))
+
+    def speeds(window: float) -> tuple[float, float]:
+        of_window = m._replace(window=window)
+        odometry, truth = (motion.quantile(np.abs(of_window.steps(of).length), 0.75, 8) for of in (m.odometry, m.truth))
+        return odometry / window, truth / window
+
+    driven, moved = speeds(m.window)
+    units, kind = LENGTH_UNITS[:2], c.log.odometry_kind
     sides = (
-        ("truth", "the truth is", moved, "odometry", driven, m.poses, POSITIONS),
-        ("odometry", "odometry is", driven, "the truth", moved, odometry, LENGTHS.get(c.log.odometry_kind, POSITIONS)),
+        (
+            "truth",
+            "the truth is",
+            moved,
+            "odometry",
+            driven,
+            m.poses,
+            POSITIONS,
+            (*units, CM_FOR_MM) if driven < FAST else units,
+        ),
+        ("odometry", "odometry is", driven, "the truth", moved, odometry, LENGTHS.get(kind, POSITIONS), units),
     )
-    for table, this, speed, that, other, series, (columns, names) in sides:
+    for table, this, speed, that, other, series, (columns, names), known in sides:
         ratio = speed / other if other > 0 else np.nan
-        if unit := unit_of_ratio(ratio, LENGTH_UNITS[:2], 1.25):  # odometry is calibrated to better than 25 %
+        if unit := unit_of_ratio(ratio, known, 1.25):  # odometry is calibrated to better than 25 %
             fact = f"{this} {ratio:.3g} times as fast as {that} ({speed:.3g} against {other:.3g} m/s)"
-            sure = "sure" if 0.01 < other < FASTEST and not 0.01 < speed < 2.0 else "likely"
+            sure = "sure" if 0.01 < other < FASTEST and not 0.01 < speed < FAST else "likely"
             c.add("unit", i, series.source, fact, sure, f'unit = "{unit[1]}"', table, names)
             c.correct(table, i, divide_columns(series, unit[2], columns))
             return
     drives = motion.moves(c.log, i) and driven > 0 and max(driven, moved) > SLOWEST
+    if drives and moved > SCALE * driven:  # noise of the truth makes short steps longer
+        driven, moved = speeds(max(m.window, SMOOTH))
+    drives &= moved > driven or m.window < WINDING  # between places that are far apart in time, a way is longer
     if drives and not 1 / SCALE < driven / moved < SCALE:
         fact = f"odometry is {driven / moved:.3g} times as fast as the truth ({driven:.3g} against {moved:.3g} m/s)"
         setting, table = "the unit of speed or of stamps; length_scale is fitted in any case", "model"
@@ -398,71 +427,12 @@ def _best_fit(m: motion.RobotMotion, truth: motion.SummedMotion) -> ClockFit:
     return ClockFit(float(fine[best]), float(sharp[best]), unshifted, float(evidence))
 
 
-# --- Positions that cannot be
-
-JUMP = 0.3  # [m] a shorter one is noise of the tracking
-FAST = 10.0  # times the 90th percentile of speed, from which a step is a jump
-STALE_TIME = 0.5  # [s]
-STALE_LENGTH = 0.1  # [m] driven meanwhile, by odometry
-STALE_PLACE = 0.5  # [m] the same where the heading goes on: one that turns on the spot drives less
-
-
-def check_stale(c: CheckedLog, i: int) -> None:
-    """Find positions that are repeated exactly while odometry says that the robot drives."""
-    m = motion.robot_motion(c.log, i)
-    t, change = m.truth.time, np.diff(m.poses.values, axis=0)
-    if not len(t) or len(m.odometry.time) < 2:
-        return
-    place = m.odometry.place
-    apart = np.hypot(*np.diff(place, axis=0).T) if np.isfinite(place).any() else np.abs(np.diff(m.odometry.length))
-    length = np.concatenate([[0.0], np.cumsum(np.nan_to_num(apart))])
-
-    def repeats(same: Mask, least: float) -> list[tuple[float, float]]:
-        """Return intervals of `same` (m - 1,) that last, and in which at least that much is driven."""
-        found = motion.lasting(t, same, STALE_TIME)
-        driven = np.diff(np.interp(found, m.odometry.time, length), axis=1)[:, 0]
-        return [(a, b) for (a, b), far in zip(found.tolist(), driven, strict=True) if far >= least]
-
-    same_place = (change[:, :2] == 0).all(axis=1)
-    same_pose = same_place & ((change[:, 2] == 0) | np.isnan(change[:, 2]))
-    if found := repeats(same_pose, STALE_LENGTH) or repeats(same_place, STALE_PLACE):
-        longest = max(end - start for start, end in found)
-        often = count_of(len(found), "time")
-        fact = f"the position repeats exactly while the robot drives: {often}, for up to {longest:.1f} s"
-        c.add("stale", i, m.poses.source, fact, "sure", 'repeats = "stale"', "truth")
-        stale = np.any([(t > start) & (t <= end) for start, end in found], axis=0)
-        c.correct("truth", i, m.poses._replace(time=t[~stale], values=m.poses.values[~stale]))
-
-
-def check_jumps(c: CheckedLog, i: int) -> None:
-    """Find positions between a step away and the step back, at most a second later; who does not return has moved."""
-    truth = motion.known_truth(c.log, i)
-    if truth is None:
-        return
-    t, apart = truth.time, np.hypot(*np.diff(truth.values[:, :2], axis=0).T)
-    speed = apart / np.maximum(np.diff(t), 1e-3)
-    usual, longest = float(np.quantile(speed, 0.9)), max(1.0, 3 * float(np.median(np.diff(t))))
-    away, jumps = -1, set[int]()  # the row before the last step that has no step back yet
-    for step in np.flatnonzero((apart > JUMP) & (speed > FAST * max(usual, 0.05))).tolist():
-        if away < 0 or (t[step] - t[away] > longest and speed[step] < 10 * FASTEST):
-            away = step
-        elif np.hypot(*(truth.values[step + 1, :2] - truth.values[away, :2])) < apart[away] / 2:
-            jumps |= {*range(away + 1, step + 1)}
-            away = -1
-    if jumps:
-        plural = "s jump" if len(jumps) > 1 else " jumps"
-        fact = f"{len(jumps)} position{plural} away and back; the first {t[min(jumps)] - t[0]:.1f} s after the start"
-        c.add("jump", i, truth.source, fact, "sure", f"max_speed = {max(2 * usual, 0.5):.2g}", "truth")
-        kept = np.setdiff1d(np.arange(len(t)), [*jumps])
-        c.correct("truth", i, truth._replace(time=t[kept], values=truth.values[kept]))
-
-
 # --- Frames
 # Three sources tell a robot's turns: the direction of its true moves (its course), its true heading, and its odometry.
 # A mirror (x and y exchanged is one) reverses the first; a heading counted clockwise the second; a turn rate of the
 # other sign the third. Two against one decide. With only two, ranges to things elsewhere decide, or both are named.
 
-OFFSET = 0.3  # [rad] of a heading against the direction of motion; a slip or an arc is less
+OFFSET = 0.1  # [rad] of a heading against the direction of motion; a slip or an arc is less
 SIGN = 6.0  # standard errors of a slope below zero from which a sign is wrong
 BACK = "turn the positions back in the files"
 MIRRORS = {  # by eighths of a turn
@@ -486,6 +456,7 @@ def check_frame(c: CheckedLog, i: int) -> None:
     heading = wrap(np.interp(own[:-1] + m.window / 2, m.truth.time, m.truth.turn))
     follows, offset = motion.concentration(heading - direction)
     opposes, mirror = motion.concentration(heading + direction)
+    offset = _less_lever(wrap(heading - direction - offset), m.steps(m.truth, own)) + offset
     measured, true = m.common_steps()
     smoothed = np.convolve(measured.turn, np.full(3, 1 / 3), "same") if len(measured.turn) > 3 else measured.turn
     of_heading, of_course = (
@@ -523,6 +494,16 @@ def check_frame(c: CheckedLog, i: int) -> None:
         sure = "sure" if headed and follows > FOLLOWS else "likely"
         c.add("turn sign", i, c.log.odometry[i].source, fact, sure, setting, "odometry", names)
         c.correct("odometry", i, divide_columns(c.log.odometry[i], -1.0, columns))
+
+
+def _less_lever(off: Array, true: motion.Steps) -> float:
+    """Return how far headings are off directions of motion [rad] on a straight line: in curves a lever adds to that."""
+    curvature = true.turn / np.maximum(np.hypot(*true.move.T), 1e-9)
+    known = np.isfinite(off) & np.isfinite(curvature)
+    known &= np.abs(off) < 5 * max(motion.robust_sd(off), 1e-9)
+    if known.sum() < motion.FEWEST_WINDOWS or np.ptp(curvature[known]) == 0:
+        return 0.0
+    return float(np.polynomial.polynomial.polyfit(curvature[known], off[known], 1)[0])
 
 
 def check_compass_frame(c: CheckedLog, i: int) -> None:

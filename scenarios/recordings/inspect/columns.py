@@ -202,7 +202,7 @@ def infer_columns(table: CsvTable) -> tuple[Guess, ...]:
                 why = "two columns with the same names" if same else "what measured, and what was measured"
                 why = "what measured, and an anchor" if of_anchors else why
                 guesses[guesses.index(one)] = one._replace(quantity=quantity, reason=why)
-    guesses = _join_velocities(table, guesses)
+    guesses = _with_y_up(table, _join_velocities(table, guesses))
     there = {guess.quantity for guess in guesses}
     return tuple(_seen_at(table, _seen_of_another(table, guesses, there)) if {"time", "other"} <= there else guesses)
 
@@ -263,6 +263,33 @@ def _quaternions(table: CsvTable) -> dict[str, Guess]:
             whole = f"with {', '.join(own[:-1])} of length 1: a quaternion"
             found[column] = Guess(column, "heading", "rad", "", whole, tuple(own))
     return found
+
+
+LEVEL = 0.05  # times as far as x and z, which change by a metre: y that changes no more is a height
+
+
+def _with_y_up(table: CsvTable, guesses: list[Guess]) -> list[Guess]:
+    """Return guesses where y hardly changes, and z does: y is up, as of much motion capture, and -z is to the left.
+
+    The heading is about y, then: in a quaternion y and z change places.
+    """
+    of = {g.quantity: g for g in guesses if g.quantity in ("x", "y") and g.side != "odometry"}
+    z = "z".join(of["y"].column.rsplit("y", 1)) if len(of) == 2 else ""
+    columns = [v for c in ("x", "y") if z and not isinstance(v := table.columns.get(of[c].column, ()), tuple)]
+    depth = table.columns.get(z, ())
+    if len(columns) < 2 or isinstance(depth, tuple) or "other" in {g.quantity for g in guesses}:
+        return guesses
+    wide, high, deep = (float(np.nanquantile(v, 0.98) - np.nanquantile(v, 0.02)) for v in (*columns, depth))
+    if not high < LEVEL * min(wide, deep) or not min(wide, deep) > 1.0:
+        return guesses
+    unit, why = infer_unit("y", "", table.numbers(z), np.inf)
+    new = {of["y"].column: of["y"]._replace(quantity="", reason="a height, as it hardly changes beside x and z")}
+    new[z] = of["y"]._replace(column=z, unit=f"-{unit}", reason=f"beside a y that hardly changes, perhaps up; {why}")
+    for g in guesses:
+        if len(g.quaternion) == 4:
+            x, y, z_, w = g.quaternion
+            new[g.column] = g._replace(quaternion=(x, z_, y, w), reason=f"{g.reason}, with y up")
+    return [new.get(g.column, g) for g in guesses]
 
 
 SIDEWAYS = 0.2  # of the speed, on average: robots on two wheels have less to the side

@@ -33,6 +33,7 @@ from cooploc.scenarios.recordings.inspect.table_parts import (
     READINGS,
     STAMPS,
     TablePart,
+    drop_held_heading,
     find_sideways,
     list_columns,
     merge_parts,
@@ -289,7 +290,7 @@ def _draft_run(folder: Path, data: Path) -> tuple[Draft, tuple[str, ...]]:
     files = [_name_readings(file, robots, fixed) for file in _name_mates(files, robots, fixed)]
     unused += _for_files((why_no_table(file, halves), file.name) for file in files)
     parts = merge_parts([part for file in files for part in parts_of(file, halves)], [])
-    parts = [one for part in parts for one in _of_files(part, robots)]
+    parts = [drop_held_heading(one, unused) for part in parts for one in _of_files(part, robots)]
     entries.append(Entry("robots", list(robots), why or "their names in the names of the files", "likely"))
     tables: dict[str, DraftTable] = {}
     for part in parts:

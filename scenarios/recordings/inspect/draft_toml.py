@@ -53,21 +53,25 @@ class Draft(NamedTuple):
         return "\n\n".join(blocks) + "\n"
 
 
-def in_metres(draft: Draft, names: Collection[str]) -> Draft:
-    """Return the draft with lengths in metres, in these tables, where their span alone was for another unit."""
-    tables, plain, why = [], set[str](), "values span far, but in metres they fit what else was recorded"
+def in_unit(draft: Draft, names: Collection[str], unit: str) -> Draft:
+    """Return the draft with lengths in m or cm, in these tables, where their span alone was for another unit."""
+    tables, plain, why = [], set[str](), f"values span far, but in {unit} they fit what else was recorded"
     for table in draft.tables:
         guessed = {e.key: e for e in table.entries if FAR in e.why and table.name in names}
         units = [e.value["unit"] if isinstance(e.value, dict) else e.value for e in guessed.values()]
         entries = [e for e in table.entries if not (e.key == "unit" and e.key in guessed)]
         for k, e in enumerate(entries):
             if e.key in guessed:
-                entries[k] = Entry(e.key, e.value["column"], why, "likely")
-                plain.add(e.value["column"])
+                column = e.value["column"]
+                entries[k] = Entry(e.key, column if unit == "m" else {"column": column, "unit": unit}, why, "likely")
+                plain.add(column)
             elif e.key == "missing_from" and units:
-                entries[k] = e._replace(value=float(f"{e.value / UNITS['m'][units[0]]:.3g}"))
+                in_units = e.value * UNITS["m"][unit] / UNITS["m"][units[0]]
+                entries[k] = e._replace(value=float(f"{in_units:.3g}"))
         tables.append(table._replace(entries=tuple(entries)))
-    rows = [(*r[:2], f"{r[2].split(' ')[0]} [m]", why) if r[1] in plain and FAR in r[3] else r for r in draft.columns]
+    rows = [
+        (*r[:2], f"{r[2].split(' ')[0]} [{unit}]", why) if r[1] in plain and FAR in r[3] else r for r in draft.columns
+    ]
     return draft._replace(tables=tuple(tables), columns=tuple(rows))
 
 

@@ -15,10 +15,11 @@ class Finding(NamedTuple):
     """A fact about a recording that is odd, its place, and the setting of log.toml that would correct it.
 
     Kinds: unit, degrees, radians (read as another unit), clock (stamps with an offset), robots (truths of two were
-    exchanged), axes (x and y exchanged), mirrored (left is right), frame (turned), heading (clockwise, or with an
-    offset), turn sign (positive to the right), turn bias, sideways (moves of which speeds say nothing), dropout, jump
-    (away and back), stale (positions that repeat), gap, span (begins late or ends early), names (who measured whom),
-    height, places (of anchors, landmarks), bias (of ranges), bearing and dropped (what could not be read).
+    exchanged, or are one), axes (x and y exchanged), mirrored (left is right), frame (turned, or of each robot),
+    heading (clockwise, held, or with an offset), turn sign (positive to the right), turn bias, sideways (moves of which
+    speeds say nothing), dropout, jump (away), stale (positions that repeat), coarse (rounded, noisy or rare positions),
+    gap, span (begins late or ends early), names (who measured whom), height, places (of anchors, landmarks), bias (of
+    ranges), bearing and dropped (what could not be read).
     """
 
     kind: str
@@ -52,7 +53,7 @@ class CheckedLog:
         """Add a finding about a robot or, if it is None, about none; `facts` are the other fields of a `Finding`."""
         self.findings.append(Finding(kind, "" if robot is None else self.log.robots[robot], *facts))
 
-    def correct(self, table: str, robot: int | None, data: Series | ReadingSeries) -> None:
+    def correct(self, table: str, robot: int | None, data: Series | ReadingSeries | None) -> None:
         """Replace one robot's "truth" or "odometry"; without a robot, the readings of the channel `table`."""
         if robot is None:
             changed: dict[str, Any] = {"readings": {**self.log.readings, table: data}}

@@ -1,5 +1,6 @@
 """The inspection of a recording, from a path to series, findings and a log.toml."""
 
+import itertools
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -165,10 +166,11 @@ def name_radios(draft: Draft, log: TeamLog, place: Path, description: schema.Tea
 def fit_lengths(
     draft: Draft, log: TeamLog, checked: CheckedLog, read: Callable[[Draft], TeamLog]
 ) -> tuple[Draft, TeamLog, CheckedLog]:
-    """Return a draft, its recording and the checks of it, with lengths that span far in metres if more fits then."""
+    """Return a draft, its recording and the checks of it, with lengths that span far in m or cm if more fits then."""
     tried = [(draft, log, checked)]
-    for tables in WITH_LENGTHS if any(one.kind == "unit" for one in checked.findings) else ():
-        other = draft_toml.in_metres(draft, tables)
+    unlike = any(one.kind == "unit" for one in checked.findings)
+    for tables, unit in itertools.product(WITH_LENGTHS, ("m", "cm")) if unlike else ():
+        other = draft_toml.in_unit(draft, tables, unit)
         if other != draft:
             again = read(other)
             tried.append((other, again, check_recording(again)))

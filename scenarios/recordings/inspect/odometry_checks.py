@@ -1,9 +1,10 @@
-"""Checks of odometry against the truth: it stands, drops out, goes aside or turns by a constant too much."""
+"""Checks of odometry against the truth: it stands, leaps, drops out, goes aside or turns by a constant too much."""
 
 import numpy as np
 
 from cooploc.scenarios.recordings.inspect import motion
 from cooploc.scenarios.recordings.inspect.findings import EVIDENCE, FOLLOWS, CheckedLog
+from cooploc.scenarios.recordings.inspect.truth_checks import FAST, FASTEST, JUMP
 
 
 def check_standstill(c: CheckedLog, i: int) -> None:
@@ -20,6 +21,23 @@ def check_standstill(c: CheckedLog, i: int) -> None:
             c.add(
                 "standstill", i, c.log.odometry[i].source, f"odometry never {word}, and the robot does", "sure", setting
             )
+
+
+def check_odometry_jumps(c: CheckedLog, i: int) -> None:
+    """Find speeds that no robot drives, and poses that leap as where a counter begins again."""
+    odometry, kind = c.log.odometry[i], c.log.odometry_kind
+    first, time = odometry.values[:, :2], odometry.time - odometry.time[:1]
+    apart = np.hypot(*np.diff(first, axis=0).T)
+    speeds = np.abs(first[:, 0]) if kind == "velocity" else apart / np.maximum(np.diff(time), 1e-3)
+    usual = motion.quantile(speeds, 0.9)
+    if kind == "velocity" and len(fast := np.flatnonzero(speeds > max(FASTEST, 100 * usual))):
+        fact = f"{len(fast)} speeds of more than {FASTEST:g} m/s, up to {speeds.max():.3g}"
+        fact += f"; the first {time[fast[0]]:.1f} s after the start"
+        c.add("jump", i, odometry.source, fact, "sure", "remove these lines", "odometry", ("speed",))
+    if kind == "pose" and len(again := np.flatnonzero((apart > JUMP) & (speeds > FAST * max(usual, 0.05)))):
+        fact = f"odometry leaps by up to {apart[again].max():.2g} m; the first time"
+        fact += f" {time[again[0]]:.1f} s after the start: did it begin again?"
+        c.add("jump", i, odometry.source, fact, "sure", "make a run of each part", "odometry", ("x", "y"))
 
 
 LEAST = 5.0  # [s] of a dropout
@@ -50,24 +68,29 @@ def check_dropouts(c: CheckedLog, i: int) -> None:
             return
 
 
+SMOOTH = 2.0  # [s] in which noise of positions is small beside the way
+
+
 def check_sideways(c: CheckedLog, i: int) -> None:
-    """Find poses by odometry that go elsewhere than their own heading, forwards or backwards."""
-    if c.log.odometry_kind != "pose" or not motion.moves(c.log, i):
+    """Find robots that go elsewhere than their own heading, forwards or backwards, by odometry or by the truth."""
+    kind, m = c.log.odometry_kind, motion.robot_motion(c.log, i)
+    poses = c.log.odometry[i] if kind == "pose" else m.poses
+    if kind == "displacement" or not motion.moves(c.log, i) or len(poses.time) < 2:
         return
-    odometry, window = c.log.odometry[i], motion.robot_motion(c.log, i).window
-    if len(odometry.time) < 2:
-        return
-    edges = np.arange(odometry.time[0], odometry.time[-1], window)
-    columns = (*odometry.values[:, :2].T, np.unwrap(odometry.values[:, 2]))
-    x, y, heading = (np.interp(edges, odometry.time, column) for column in columns)
+    edges = np.arange(poses.time[0], poses.time[-1], max(m.window, SMOOTH))
+    columns = (*poses.values[:, :2].T, np.unwrap(poses.values[:, 2]))
+    x, y, heading = (np.interp(edges, poses.time, column) for column in columns)
     course = motion.course(np.column_stack([np.diff(x), np.diff(y)]))
     follows, _ = motion.concentration(2 * (course - (heading[1:] + heading[:-1]) / 2))
-    if 0 < follows < FOLLOWS / 2:
-        fact = (
-            f"odometry goes elsewhere than its own heading (agreement {follows:.2f}): steps are perhaps along the axes"
-        )
+    if 0 < follows < FOLLOWS / 2 and kind == "pose":
+        fact = f"odometry goes elsewhere than its own heading (agreement {follows:.2f})"
+        fact += ": steps are perhaps along the axes"
         setting = 'of steps kind = "displacement", without turn; else write poses with the heading of the motion'
-        c.add("frame", i, odometry.source, fact, "likely", setting, "odometry")
+        c.add("frame", i, poses.source, fact, "likely", setting, "odometry")
+    elif 0 < follows < FOLLOWS / 2:
+        fact = f"the robot goes elsewhere than its heading (agreement {follows:.2f}), perhaps to the side, of which"
+        setting = 'kind = "displacement", with steps dx, dy along fixed axes, in place of speeds'
+        c.add("sideways", i, c.log.odometry[i].source, f"{fact} speeds say nothing", "likely", setting, "odometry")
 
 
 def check_turn_bias(c: CheckedLog, i: int) -> None:

@@ -19,9 +19,10 @@ from cooploc.scenarios.recordings.inspect.findings import (
     unit_of_ratio,
 )
 from cooploc.scenarios.recordings.radio_nodes import NodeRanges, assign
-from cooploc.scenarios.recordings.team_log import other_names
+from cooploc.scenarios.recordings.team_log import Channel, other_names
 
 RANGE_UNITS = (*LENGTH_UNITS, ("unit", "mm", 10.0), ("unit", "cm", 0.1))  # cm taken for mm, or mm for cm
+COARSE_SPREAD = 0.03  # [m] ranges are no better
 BIAS = 0.1  # [m] a smaller one matters little beside the noise of ranges
 BIAS_KEYS = {"range": "range_bias", "anchor_range": "anchor_range_bias"}
 
@@ -36,11 +37,12 @@ def check_range_units(c: CheckedLog) -> None:
             c.correct(channel, None, divide_columns(readings, unit[2], (0,)))
 
 
-SHARPER = 0.7  # times the spread of ranges about the distances, from which a shift of their stamps is believed
+SHARPER = 0.7  # times the spread of ranges about the distances, from which another cause is believed
+ASIDE, FARTHEST = 0.1, 1.0  # [m] of an antenna from the point that is tracked
 
 
 def check_delays(c: CheckedLog) -> None:
-    """Find ranges with shifted stamps: with their shift they spread least about the distances."""
+    """Find ranges with shifted stamps, or from a point that is not the one tracked: they spread least with that."""
     for channel, readings in motion.range_channels(c.log):
         spread = partial(motion.range_spread, c.log, channel)
         shift, now, longest = 0.0, spread(0.0), min(LONGEST_DELAY, float(np.ptp(readings.time)) / 10)
@@ -48,14 +50,69 @@ def check_delays(c: CheckedLog) -> None:
             shift = float(min(shift + width * np.linspace(-1, 1, 41), key=spread))
             if abs(shift) < LEAST_DELAY:
                 break
+        least = SHARPER * now if abs(shift) < LEAST_DELAY else min(SHARPER * now, 0.9 * spread(shift))
         named = ("clock", motion.TABLES[channel]) in {(one.kind, one.table) for one in c.findings}
-        if not named and abs(shift) >= LEAST_DELAY and spread(shift) < SHARPER * now:
+        if find_antennas(c, channel, now, least) or named:
+            continue
+        if abs(shift) >= LEAST_DELAY and spread(shift) < min(SHARPER * now, VAGUE):
             fact = (
                 f"stamps of ranges are {-shift:+.3g} s from the truth's: ranges spread by {now:.2g} m about distances"
             )
             fact += f", and by {spread(shift):.2g} m without that"
             c.add("clock", None, readings.source, fact, "likely", f"clock_offset = {shift:.3g}", motion.TABLES[channel])
             c.correct(channel, None, readings._replace(time=readings.time + shift))
+
+
+def find_antennas(c: CheckedLog, channel: Channel, now: float, least: float) -> bool:
+    """Find antennas beside the point of a robot that is tracked, if ranges spread by less than `least` [m] then.
+
+    Each robot has one, at a place ahead and to the left that turns with it; each pair of robots a bias.
+    """
+    readings, n = c.log.readings[channel], len(c.log.robots)
+    here, there = sampling.ends(c.log, channel)
+    between = team_log.fixed_places(c.log, channel) is None
+    poses = [here, sampling.poses_at(c.log, readings.other, readings.time)] if between else [here]
+    known = np.isfinite(np.concatenate([*poses, there], axis=1)).all(axis=1)
+    rows = np.flatnonzero(known)
+    rows = rows[:: 1 + len(rows) // SOME]
+    if channel not in BIAS_KEYS or len(rows) < motion.FEWEST or not now > COARSE_SPREAD:
+        return False
+    pair = np.unique(
+        np.sort([readings.robot, readings.other + n * (not between)], axis=0), axis=1, return_inverse=True
+    )[1]
+    headings = [pose[:, 2] for pose in poses]
+    owners = [readings.robot, readings.other][: len(poses)]
+
+    def distances(places: Array, rows: Any) -> Array:
+        apart = there[rows] - here[rows, :2]
+        for sign, heading, owner in zip((-1, 1), headings, owners, strict=False):
+            ahead, left = places[owner[rows]].T
+            cosine, sine = np.cos(heading[rows]), np.sin(heading[rows])
+            apart = apart + sign * np.stack([ahead * cosine - left * sine, ahead * sine + left * cosine], -1)
+        return np.asarray(np.hypot(*apart.T))
+
+    def residuals(s: Array) -> Array:
+        off = distances(s[: 2 * n].reshape(n, 2), rows) + s[2 * n :][pair[rows]] - readings.values[rows, 0]
+        return np.concatenate([off, s * BIAS / OFFSET])
+
+    fit: Any = least_squares(residuals, np.zeros(2 * n + pair.max() + 1), loss="soft_l1", f_scale=BIAS)
+    rest, places = motion.robust_sd(residuals(fit.x)[: len(rows)]), fit.x[: 2 * n].reshape(n, 2)
+    errors = max(rest, COARSE_SPREAD) * np.sqrt(np.diag(np.linalg.inv(fit.jac.T @ fit.jac)))[: 2 * n].reshape(n, 2)
+    aside = (np.abs(places) > np.maximum(ASIDE, DEVIATIONS * errors)).any(axis=1)
+    if rest >= min(least, VAGUE) or not aside.any() or np.abs(places).max() > FARTHEST:
+        return False
+    words = [
+        f"{abs(x):.2f} m {'ahead' if x > 0 else 'behind'}, {abs(y):.2f} m {'left' if y > 0 else 'right'}"
+        for x, y in places
+    ]
+    each = ", ".join(f"{c.log.robots[i]} {words[i]}" for i in np.flatnonzero(aside))
+    fact = f"ranges are from elsewhere than the point that is tracked: {each}; they spread by {now:.2g} m about"
+    fact += f" distances, and by {rest:.2g} m from there"
+    setting = "nothing: move the true positions to the antennas in the files"
+    c.add("places", None, readings.source, fact, "likely", setting, motion.TABLES[channel])
+    off = distances(places, slice(None)) - distances(0 * places, slice(None))
+    c.correct(channel, None, readings._replace(values=readings.values - np.nan_to_num(off)[:, None]))
+    return True
 
 
 def check_height(c: CheckedLog) -> None:
@@ -156,20 +213,22 @@ def check_biases(c: CheckedLog) -> None:
         if motion.TABLES[channel] in unrelated:
             continue
         residual = readings.values[:, 0] - motion.distances(c.log, channel)
-        found = {}
+        found, most = {}, 0.0
         for i, k, rows in motion.pairs(readings, channel):
-            bias, error = (
-                motion.quantile(residual[rows], 0.5),
-                1.2533 * motion.robust_sd(residual[rows]) / np.sqrt(len(rows)),
-            )
+            bias, spread = motion.quantile(residual[rows], 0.5), motion.robust_sd(residual[rows])
+            error = 1.2533 * spread / np.sqrt(len(rows))
             if np.isfinite(residual[rows]).sum() >= motion.FEWEST and abs(bias) > max(BIAS, 5 * error):
                 found[f"{c.log.robots[i]}-{other_names(c.log, channel)[k]}"] = bias
+                most = max(most, spread)
         if found:
             fact = "ranges minus distances, medians: " + ", ".join(f"{pair} {b:+.2f} m" for pair, b in found.items())
-            key, typical = BIAS_KEYS.get(channel), np.median(list(found.values()))
+            key, typical, sure = BIAS_KEYS.get(channel), np.median(list(found.values())), "sure"
             setting = f"nothing: that of each pair is fitted; where nothing is, {key} = {typical:.2f} for all"
             setting = setting if key else "calibrate the camera"
-            c.add("bias", None, readings.source, fact, "sure", setting, "model")
+            if most > VAGUE or min(found.values()) < -VAGUE:  # ranges are too long, if anything
+                fact += f"; they spread by up to {most:.2g} m about that"
+                sure, setting = "likely", "nothing: that is more than a bias; are all truths, and places, in one frame?"
+            c.add("bias", None, readings.source, fact, sure, setting, "model")
 
 
 UNRELATED = 0.8  # times the spread of the distances, from which ranges do not follow them
@@ -190,7 +249,10 @@ def check_names(c: CheckedLog) -> None:
             continue
         off, spread = np.median(varied, axis=0)
         fact = f"ranges do not follow the distance of the two that they name: they are {off:.2g} m off, and distances"
-        fact, setting = f"{fact} change by {spread:.2g} m", "nodes, or the places of anchors: whose name is whose"
+        fact, setting = (
+            f"{fact} change by {spread:.2g} m",
+            "nodes, or the places of anchors: whose name is whose; or are truths in two frames?",
+        )
         robots, truths = c.log.robots, [motion.known_truth(c.log, i) for i in range(len(c.log.robots))]
         known = {robots[i]: truth for i, truth in enumerate(truths) if truth is not None}
         if channel == "range" and len(known) == len(robots) > 2:

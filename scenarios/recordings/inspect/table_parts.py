@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from cooploc.estimators.interface import Array
 from cooploc.scenarios.recordings.inspect import naming
 from cooploc.scenarios.recordings.inspect.columns import PART, TO_THE_SIDE, CsvTable, Guess, infer_columns
 from cooploc.scenarios.recordings.inspect.findings import Finding
@@ -16,6 +17,7 @@ READINGS = ("sightings", "ranges", "rssi")
 QUANTITIES = (("range", "bearing"), ("ahead", "left")), (("range",),), (("rssi",),)  # of each
 STAMPS = ("time", "sec", "nsec")
 NAMELESS = "numbers where the names of the columns should be"
+STRAIGHT = 0.02  # times the length of a path, its width
 NO_STAMPS = "no column of it holds stamps"
 KINDS = ("velocity", "path", "increment", "displacement", "pose")  # of odometry; the first whose columns a file has
 
@@ -137,6 +139,32 @@ def split_places(files: Sequence[CsvTable]) -> tuple[list[CsvTable], list[CsvTab
             file = file._replace(columns=left, guesses=tuple(g for g in file.guesses if g.column in left))
         kept.append(file)
     return kept, [table._replace(guesses=infer_columns(table)) for table in found[:1]]
+
+
+HELD = "the same in every line while positions change: not measured"
+
+
+def is_held(heading: Array, places: Array) -> bool:
+    """Return whether a heading, or a quaternion, never changes, and the places (m, 2) are not on a line."""
+    places = places[np.isfinite(places).all(axis=1)]
+    known = heading[np.isfinite(heading).all(axis=1)]
+    if len(places) < 3 or not len(known) or np.ptp(known, axis=0).any():
+        return False
+    wide, narrow = np.linalg.svd(places - places.mean(axis=0), compute_uv=False)
+    return bool(narrow > STRAIGHT * wide)
+
+
+def drop_held_heading(part: TablePart, unused: list[str]) -> TablePart:
+    """Return a part of the truth without a heading that was not measured, and note that."""
+    if part.table != "truth" or "heading" not in part.columns:
+        return part
+    heading = part.columns["heading"]
+    names, own = heading.quaternion or (heading.column,), [part.columns[q].column for q in "xy"]
+    for file in part.files:
+        if not is_held(*(np.array([file.columns[c] for c in some], float).T for some in (names, own))):
+            return part
+    unused.append(f"{', '.join(part.file_names)}: {', '.join(names)}, {HELD}")
+    return part._replace(columns={q: g for q, g in part.columns.items() if q != "heading"})
 
 
 def find_sideways(part: TablePart) -> Iterator[Finding]:
