@@ -48,9 +48,12 @@ def inspection_page(found: Inspected, sketch: bytes) -> str:
     for number, one in enumerate(found.findings, 1):
         figure = finding(one, found.log, found.corrected)
         fact = one.fact if "/" in one.fact.split()[0] else f"{one.fact[:1].upper()}{one.fact[1:]}"  # not of a path
-        said = f"{fact}. ({'; '.join(filter(None, (one.sure, one.source)))})"
+        said = [f"{fact}. ({'; '.join(filter(None, (one.sure, one.source)))})"]
         head = f"{number}. {one.kind.capitalize()}{': ' * bool(one.robot)}{one.robot}"
-        sections.append(Section(head, [said], one.change, [(one.fact, _png(figure))] if figure else ()))
+        said += [f"Nothing to change in log.toml: {one.nothing}."] if one.nothing else []
+        sections.append(
+            Section(head, said, "" if one.nothing else one.change, [(one.fact, _png(figure))] if figure else ())
+        )
     robots, problem = len(found.log.robots), found.trial.problem
     name = f"{found.format} ({found.why}), {count_of(robots, 'robot')}, {count_of(len(found.runs), 'run')}"
     sentence = f"{count_of(len(sections), 'thing')} to look at" if sections else "Nothing odd was found"

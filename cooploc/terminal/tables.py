@@ -472,10 +472,10 @@ def show_inspection(found: Any, files: Sequence[Path]) -> None:
             say(f"  and {len(table) - MOST} more\n" if len(table) > MOST else "")
     for text in inspected.unused:
         say(f"not used: {text}")
-    for setting, together in groupby(inspected.findings, lambda f: f.change):
+    for (setting, nothing), together in groupby(inspected.findings, lambda f: (f.change, f.nothing)):
         for f in together:
             say(f"found ({f.sure}): {f.kind}{' ' * bool(f.robot)}{f.robot}: {f.fact}")
-        say(f"  to change in log.toml: {setting}")
+        say(f"  nothing to change in log.toml: {nothing}" if nothing else f"  to change in log.toml: {setting}")
     if not inspected.findings:
         say("nothing odd was found")
     kept = "" if log in files else "; the log.toml that is there was left as it is"

@@ -11,6 +11,9 @@ from cooploc.scenarios.recordings.team_log import ReadingSeries, Series, TeamLog
 Values = TypeVar("Values", Series, ReadingSeries)
 
 
+NO_SETTING = "nothing: "  # begins what stands in place of a setting
+
+
 class Finding(NamedTuple):
     """A fact about a recording that is odd, its place, and the setting of log.toml that would correct it.
 
@@ -34,12 +37,18 @@ class Finding(NamedTuple):
     @property
     def setting_of_columns(self) -> str:
         """The setting, with the columns it is about."""
-        return ", ".join(self.columns) + ": " * bool(self.columns) + self.setting
+        columns = f"{', '.join(self.columns)}: " * bool(self.columns)
+        return self.setting if self.nothing else columns + self.setting
 
     @property
     def change(self) -> str:
         """The setting that corrects it, with its table: [truth] clock_offset = -2.5."""
-        return f"[{self.table}] " * bool(self.table) + self.setting_of_columns
+        return self.setting if self.nothing else f"[{self.table}] " * bool(self.table) + self.setting_of_columns
+
+    @property
+    def nothing(self) -> str:
+        """Why there is no setting that corrects it; "" if there is one."""
+        return self.setting.removeprefix(NO_SETTING) if self.setting.startswith(NO_SETTING) else ""
 
 
 @dataclass

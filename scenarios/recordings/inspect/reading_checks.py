@@ -227,7 +227,10 @@ def check_biases(c: CheckedLog) -> None:
             setting = setting if key else "calibrate the camera"
             if most > VAGUE or min(found.values()) < -VAGUE:  # ranges are too long, if anything
                 fact += f"; they spread by up to {most:.2g} m about that"
-                sure, setting = "likely", "nothing: that is more than a bias; are all truths, and places, in one frame?"
+                sure, setting = (
+                    "likely",
+                    "nothing: that is more than a bias; look whether truths and places are in one frame",
+                )
             c.add("bias", None, readings.source, fact, sure, setting, "model")
 
 

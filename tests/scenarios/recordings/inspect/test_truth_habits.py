@@ -71,7 +71,7 @@ def test_truths_in_frames_of_each_robots_own_are_no_biases_of_ranges(tmp_path):
     found = {f.kind: f for f in inspect_changed(tmp_path, lambda t: t.assign(x=t.x - t.x[0], y=t.y - t.y[0])).findings}
     assert "begin at 0, 0: each is in a frame of its own" in found["frame"].fact
     found = {f.kind: f for f in inspect_changed(tmp_path, lambda t: t.assign(x=t.x - 2), ["red"]).findings}
-    assert "more than a bias; are all truths, and places, in one frame?" in found["bias"].setting
+    assert "more than a bias; look whether truths and places are in one frame" in found["bias"].setting
     (found,) = inspect_changed(tmp_path, turned, ["red"]).findings
     assert "or are truths in two frames?" in found.setting
 
