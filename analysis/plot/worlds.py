@@ -20,6 +20,7 @@ from cooploc.scenarios.recordings.inspect import motion
 from cooploc.scenarios.recordings.inspect.findings import Finding
 from cooploc.scenarios.recordings.inspect.inspection import SeriesRow, count_measurements, series_rows
 from cooploc.scenarios.recordings.inspect.motion import dead_reckoned, known_truth
+from cooploc.scenarios.recordings.inspect.rssi_checks import CHANNELS as RSSI_CHANNELS
 from cooploc.scenarios.recordings.scenario import TeamScenario
 from cooploc.scenarios.recordings.team_log import TeamLog, other_names
 from cooploc.scenarios.worlds.radio import Scene
@@ -227,9 +228,10 @@ BLUE = ROBOTS[0]
 def finding(one: Finding, read: TeamLog, corrected: TeamLog) -> Figure | None:
     """Draw what a finding rests on; None for a line that could not be read, or for what is of no robot and no readings.
 
-    Gaps and late robots: when each series of the robot was recorded. Ranges and bearings: their errors by pair. All
-    else: the robot's path as read and as corrected, and its speed by odometry and by the truth, in which shifted
-    clocks, wrong units, jumps and positions that repeat are seen; or its turn rate, where that is off.
+    Gaps and late robots: when each series of the robot was recorded. Ranges and bearings: their errors by pair.
+    Signal strengths: all of them over distance. All else: the robot's path as read and as corrected, and its speed by
+    odometry and by the truth, in which shifted clocks, wrong units, jumps and positions that repeat are seen; or its
+    turn rate, where that is off.
     """
     if one.kind == "dropped" or (not one.robot and one.source not in {r.source for r in read.readings.values()}):
         return None
@@ -237,6 +239,8 @@ def finding(one: Finding, read: TeamLog, corrected: TeamLog) -> Figure | None:
     if one.kind in ("gap", "span"):
         rows = [row for row in series_rows(read) if row.of == one.robot]
         draw_time_line(figure.add_subplot(), rows, read)
+    elif not one.robot and any(read.readings[c].source == one.source for c in RSSI_CHANNELS if c in read.readings):
+        _draw_signals(figure.add_subplot(), one, read)
     elif not one.robot:
         _draw_reading_errors(figure.add_subplot(), one, corrected if one.kind == "bias" else read)
     else:
@@ -305,6 +309,21 @@ def _draw_turns(ax: Axes, robot: int, log: TeamLog) -> None:
         ax.plot(since, turned / longer.window, color=colour, lw=0.9, label=label)
     style.finish(ax, "time since the first sample [s]", "turn rate [rad/s]")
     ax.legend(frameon=False, fontsize="x-small", ncols=2, loc="lower right", bbox_to_anchor=(1, 1))
+
+
+def _draw_signals(ax: Axes, one: Finding, log: TeamLog) -> None:
+    """Draw signal strengths over distance, by the robot that received them."""
+    colours, near, far = [*style.robot_colours(log.robots).items()], np.inf, 0.0
+    for channel in (c for c in RSSI_CHANNELS if c in log.readings and log.readings[c].source == one.source):
+        readings, distance = log.readings[channel], motion.distances(log, channel)
+        near, far = min(near, float(np.nanmin(distance))), max(far, float(np.nanmax(distance)))
+        for i, (robot, colour) in enumerate(colours):
+            own = readings.robot == i
+            ax.plot(distance[own], readings.values[own, 0], ".", ms=2, alpha=0.5, color=colour, label=robot)
+    style.set_log_scale(ax.xaxis, near, far)
+    style.finish(ax, "distance [m]", "signal strength [dBm]")
+    names = dict(zip(*reversed(ax.get_legend_handles_labels()), strict=True))
+    ax.legend(names.values(), names.keys(), frameon=False, fontsize="x-small", markerscale=4, title="received by")
 
 
 def _draw_reading_errors(ax: Axes, one: Finding, log: TeamLog) -> None:

@@ -344,7 +344,7 @@ def split_channels(
         robot, mate, thing = (
             _numbers(names, of) for names, of in ((one.robot, robots), (one.other, robots), (one.other, fixed))
         )
-        if kind == "range":  # which is of both, whichever the file names first
+        if kind != "sighting":  # it is of both, whichever the file names first
             anchor = _numbers(one.robot, fixed)
             turned = (robot < 0) & (anchor >= 0)
             robot, mate, thing = np.where(turned, [mate, np.full_like(mate, -1), anchor], [robot, mate, thing])

@@ -45,6 +45,7 @@ from cooploc.scenarios.recordings.inspect.reading_checks import (
     check_places,
     check_range_units,
 )
+from cooploc.scenarios.recordings.inspect.rssi_checks import check_rssi
 from cooploc.scenarios.recordings.inspect.truth_checks import (
     FASTEST,
     STALE_TIME,
@@ -102,6 +103,7 @@ def check_recording(log: TeamLog) -> CheckedLog:
     check_names(c)
     check_biases(c)
     check_bearings(c)
+    check_rssi(c)
     return c
 
 
@@ -434,6 +436,7 @@ def _best_fit(m: motion.RobotMotion, truth: motion.SummedMotion) -> ClockFit:
 
 OFFSET = 0.1  # [rad] of a heading against the direction of motion; a slip or an arc is less
 SIGN = 6.0  # standard errors of a slope below zero from which a sign is wrong
+STRAIGHT = 1e-3  # [1/m] spread of curvatures, up to which a lever does not show
 BACK = "turn the positions back in the files"
 MIRRORS = {  # by eighths of a turn
     0: ("mirrored", "y is downwards", 'frame = "mirrored"'),
@@ -501,7 +504,7 @@ def _less_lever(off: Array, true: motion.Steps) -> float:
     curvature = true.turn / np.maximum(np.hypot(*true.move.T), 1e-9)
     known = np.isfinite(off) & np.isfinite(curvature)
     known &= np.abs(off) < 5 * max(motion.robust_sd(off), 1e-9)
-    if known.sum() < motion.FEWEST_WINDOWS or np.ptp(curvature[known]) == 0:
+    if known.sum() < motion.FEWEST_WINDOWS or np.std(curvature[known]) < STRAIGHT:
         return 0.0
     return float(np.polynomial.polynomial.polyfit(curvature[known], off[known], 1)[0])
 

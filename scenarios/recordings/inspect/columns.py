@@ -406,12 +406,15 @@ def _falls(table: CsvTable, values: Array) -> bool:
     return bool((np.diff(values[order]) < 0).mean() > 0.3)
 
 
-def no_reading(values: Array, far: float = 1.5) -> float:
-    """Return what a radio says of nothing: the largest, often there, and so many times all others; inf if none is."""
+def no_reading(values: Array, far: float = 1.5, more: float = np.inf) -> float:
+    """Return what a radio says of nothing: the largest, often there, and so many times all others, or so much more.
+
+    inf if there is none.
+    """
     largest = np.max(values, initial=0.0)
     others = values[values < largest]
     often = len(values) > len(values) - len(others) >= max(10, 0.005 * len(values))
-    return float(largest) if often and largest >= far * np.max(others) else np.inf
+    return float(largest) if often and largest >= min(far * np.max(others), more + np.max(others)) else np.inf
 
 
 def _turn_rate(table: CsvTable, column: str) -> float:

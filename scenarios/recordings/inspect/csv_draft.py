@@ -49,6 +49,7 @@ LOOKS = {
     "odometry": "odometry (speeds and turn rates, poses, or steps), from which every estimator starts",
     "truth": "truth (x and y)",
 }
+LOUDER = 8.0  # [dB] than what stands for no signal are all others
 KEYS = {"ahead": "x", "left": "y"}  # quantity -> its key in log.toml, where it is another
 
 # --- Files
@@ -539,7 +540,7 @@ def _missing(part: TablePart) -> list[Entry]:
         return []
     values = np.concatenate([f.numbers(g.column) * UNITS["m"].get(g.unit, 1.0) for f in part.files for g in part.each])
     is_rssi = part.table == "rssi"
-    if np.isinf(largest := no_reading(-values, 1.2) if is_rssi else no_reading(values)):
+    if np.isinf(largest := no_reading(-values, 1.2, LOUDER) if is_rssi else no_reading(values)):
         return []
     sign, unit, key = (-1, "dBm", "missing_below") if is_rssi else (1, "m", "missing_from")
     why = f"[{unit}] {(values == sign * largest).sum()} of {len(values)} {part.table} are {sign * largest:.6g} {unit}"

@@ -22,7 +22,8 @@ class Finding(NamedTuple):
     heading (clockwise, held, or with an offset), turn sign (positive to the right), turn bias, sideways (moves of which
     speeds say nothing), dropout, jump (away), stale (positions that repeat), coarse (rounded, noisy or rare positions),
     gap, span (begins late or ends early), names (who measured whom), height, places (of anchors, landmarks), bias (of
-    ranges), bearing and dropped (what could not be read).
+    ranges), floor (of signals), signals (of another fall, or of unlike radios), bearing, and dropped (what could not be
+    read).
     """
 
     kind: str

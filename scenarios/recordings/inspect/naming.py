@@ -39,7 +39,7 @@ RATES = {"turn_rate": "rad/s", "speed": "m/s"}
 def words_of(name: str) -> list[str]:
     """Return the words of a name in small letters: camelCase, digits and signs divide it."""
     plain = normalize("NFKD", name).replace("μ", "u").encode("ascii", "ignore").decode()  # of µs
-    plain = plain.replace("{robot}", " ").replace("{other}", " ")
+    plain = plain.replace("{robot}", " ").replace("{other}", " ").replace("dBm", "dbm")
     return [word.lower() for word in re.findall(r"[A-Za-z]+", re.sub(r"([a-z])([A-Z])", r"\1 \2", plain))]
 
 

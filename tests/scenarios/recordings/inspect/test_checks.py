@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import cooploc as cl
+from cooploc.analysis.plot.worlds import finding
 from cooploc.scenarios.recordings.inspect.checks import check_recording
 from cooploc.scenarios.recordings.inspect.inspection import count_measurements, series_rows
 from cooploc.scenarios.recordings.inspect.motion import dead_reckoned
@@ -284,3 +285,24 @@ def test_rows_and_counts_are_those_of_the_series():
     assert counts[:, : len(robots)].sum() == sightings
     assert counts.sum() == sum(len(readings.time) for readings in log.readings.values())
     assert names[len(robots) :] == log.landmarks.names
+
+
+@pytest.mark.parametrize(
+    ("change", "fact", "setting"),
+    [
+        (lambda r: np.maximum(r.values, np.quantile(r.values, 0.25)), "25% of the signals", "missing_below = "),
+        (lambda r: r.values / 10, r"change by -\d\.\d+ dB in ten times", "nothing: "),
+        (lambda r: 5 * r.values, r"change by -\d+ dB in ten times", "nothing: "),
+        (lambda r: r.values - 6 * (r.robot == 1)[:, None], r"received by r0 \+\d dB, r1 -\d dB", "nothing: "),
+        (lambda r: r.values - 9 * (r.other == 2)[:, None], "sent by A0", "nothing: "),
+        (lambda r: r.values[np.maximum(np.arange(len(r.time)) - 48, 0)], r"\+[345]\.?\d* s from", "clock_offset = -"),
+    ],
+)
+def test_signals_that_fall_otherwise_than_by_distance_are_found(change, fact, setting):
+    log = readings(["anchor_rssi"], "values", change)(team_log("trajectory", 4))
+    (found,) = findings(log)
+    assert re.search(fact, found.fact)
+    assert found.setting.startswith(setting)
+    (ax,) = finding(found, log, log).axes
+    assert [line.get_label() for line in ax.lines] == [*log.robots]
+    assert (ax.get_xscale(), ax.get_ylabel()) == ("log", "signal strength [dBm]")

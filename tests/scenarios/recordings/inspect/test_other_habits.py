@@ -510,15 +510,27 @@ def test_speeds_that_are_twice_the_truths_are_found(team):
     assert {(one.kind, one.robot) for one in found} == {("scale", robot) for robot in ROBOTS}
 
 
-def test_signal_strengths_that_mean_none_are_left_out(team):
+@pytest.mark.parametrize(("none", "below"), [(-127.0, -126), (-80.0, -79.2)])
+def test_signal_strengths_that_mean_none_are_left_out(team, none, below):
     def measured(files):
         rssi = -50 - 20 * np.log10(files["uwb.csv"].pop("range"))
-        files["uwb.csv"]["rssi"] = rssi.where(np.arange(len(rssi)) % 7 > 0, -127.0)
+        files["uwb.csv"]["dBm"] = rssi.where(np.arange(len(rssi)) % 7 > 0, none)
         return files
 
     found = cl.inspect(team(measured)).inspected
-    assert "missing_below = -126" in found.text
-    assert found.log.readings["rssi"].values.min() > -80
+    assert f"missing_below = {below}" in found.text
+    assert found.log.readings["rssi"].values.min() > -72
+
+
+def test_signal_strengths_that_anchors_measured_are_of_the_robots(team):
+    def measured(files):
+        files = anchors_first(files)
+        signals = files["uwb.csv"].assign(rssi=lambda t: -50 - 20 * np.log10(t.pop("range")))
+        return {**files, "uwb.csv": signals}
+
+    found = cl.inspect(team(measured)).inspected
+    assert len(found.log.readings["anchor_rssi"].time) > 100
+    assert not found.findings
 
 
 def test_turns_that_cannot_be_joined_are_one_line(team):
