@@ -246,7 +246,6 @@ def check_turn_unit(c: CheckedLog, i: int) -> None:
 
 LONGEST_SHIFT = 60.0  # [s]
 FITS = 0.5  # correlation from which odometry fits a truth
-BETWEEN: tuple[Channel, ...] = ("range", "sighting")  # channels of ranges between robots
 SAME_CLOCK = 0.2  # [s] shifts of robots that differ by more are of their own clocks
 OWN = 0.8  # correlation from which a truth is the robot's own, without comparing it with the others'
 
@@ -301,34 +300,51 @@ def check_clocks(c: CheckedLog) -> None:
 
 
 def _report_shifts(c: CheckedLog, shifts: Mapping[int, tuple[float, str, str]]) -> None:
-    """Report shifts of robots' truths against their odometry: of the truth's clock, or of the robots' own.
+    """Report shifts of robots' truths against their odometry: of the truth's clock, of odometry's, or of the robots'.
 
-    It is the robots' if, with them corrected, ranges between robots follow the distances much better.
+    It is odometry's, as of commands that a robot follows later, if readings fit the truth much better as it is; and the
+    robots' own if they do with the shifts of these.
     """
     log, by_robot = c.log, {i: shift for i, (shift, _, _) in shifts.items() if shift}
     differ = len(shifts) > 1 and np.ptp([shift for shift, _, _ in shifts.values()]) > SAME_CLOCK
     truths = tuple(s and s._replace(time=s.time - by_robot.get(i, 0.0)) for i, s in enumerate(log.truth))
     later = {channel: _on_own_clocks(r, by_robot) for channel, r in log.readings.items()}
-    of_robots, of_truth = (
-        sum(motion.range_spread(one, channel, 0.0) for channel in BETWEEN if channel in later)
-        for one in (log._replace(readings=later), log._replace(truth=truths))
+    of_truth, of_odometry, of_robots = (
+        _spreads(one) for one in (log._replace(truth=truths), log, log._replace(readings=later if differ else {}))
     )
-    own = differ and of_robots < SHARPER * of_truth
+    better = {True: _sharpest(of_robots, of_truth), False: _sharpest(of_odometry, of_truth)}
+    own = better[True] < min(better[False], SHARPER)
+    of_wheels = not own and better[False] < SHARPER
     digits = ".4g" if max(map(abs, by_robot.values()), default=0.0) < 1000 else ".12g"
-    offsets = ", ".join(f"{log.robots[i]} = {shift if own else -shift:{digits}}" for i, shift in by_robot.items())
+    sign = 1 if own or of_wheels else -1
+    offsets = ", ".join(f"{log.robots[i]} = {sign * shift:{digits}}" for i, shift in by_robot.items())
     tables = ", ".join(dict.fromkeys(f"[{motion.TABLES.get(channel, 'rssi')}]" for channel in log.readings))
     for i, (shift, shown, sure) in ((i, one) for i, one in shifts.items() if i in by_robot):
         fact = f"the truth's stamps are {shift:+.4g} s from odometry's {shown}"
-        setting = f"clock_offset = {{ {offsets} }}" if differ else f"clock_offset = {-shift:{digits}}"
-        if own:
-            odometry = log.odometry[i]
-            c.add("clock", i, odometry.source, fact, sure, f"{setting}, also in {tables}", "odometry")
+        setting = f"clock_offset = {{ {offsets} }}" if differ else f"clock_offset = {sign * shift:{digits}}"
+        odometry, truth = log.odometry[i], truths[i]
+        if own or of_wheels:
+            setting += f", also in {tables}" * own
+            fact += ", and readings agree with the truth" * of_wheels
+            c.add("clock", i, odometry.source, fact, sure, setting, "odometry")
             c.correct("odometry", i, odometry._replace(time=odometry.time + shift))
-        elif truth := truths[i]:
+        elif truth is not None:
             c.add("clock", i, truth.source, fact, sure, setting, "truth")
             c.correct("truth", i, truth)
     for channel in later if own else ():
         c.correct(channel, None, later[channel])
+
+
+def _spreads(log: TeamLog) -> dict[tuple[Channel, int], float]:
+    """Return how ranges, and bearings of sightings, spread about the truth, by channel and column."""
+    columns = {channel: (0, 1)[: r.values.shape[1]] for channel, r in motion.range_channels(log)}
+    return {(c, k): motion.spread_of_readings(log, c, 0.0, k) for c, several in columns.items() for k in several}
+
+
+def _sharpest(spreads: Mapping[tuple[Channel, int], float], others: Mapping[tuple[Channel, int], float]) -> float:
+    """Return the smallest ratio of spreads to others, 1 if one is much larger or there is none."""
+    ratios = [spread / others[key] for key, spread in spreads.items() if 0 < others[key] < np.inf]
+    return min(ratios, default=1.0) if max(ratios, default=np.inf) < 1 / SHARPER else 1.0
 
 
 def _on_own_clocks(readings: ReadingSeries, shifts: Mapping[int, float]) -> ReadingSeries:

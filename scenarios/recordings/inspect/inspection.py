@@ -26,6 +26,7 @@ from cooploc.scenarios.recordings.scenario import NO_ORDER, TeamScenario, reader
 from cooploc.scenarios.recordings.team_log import TeamLog, other_names
 from cooploc.scenarios.recordings.text_files import files_below, is_text
 
+WITH_TABLES, TABLES = ("csv", "bag"), ("odometry", "truth", *READINGS)  # formats, and tables that only these have
 NOT_FALLING, NO_RSSI = "does not fall with distance", "[rssi] is left out of log.toml"
 ARCHIVES = (".zip", ".tar", ".tgz", ".gz", ".bz2", ".xz", ".7z", ".rar")
 WITH_LENGTHS = (("truth", "ranges", "sightings"), ("truth",), ("ranges", "sightings"))  # tables
@@ -117,6 +118,8 @@ def inspect_recording(path: Path, run: str = "", again: bool = False) -> Inspect
     if not stated:
         draft, log, checked = fit_lengths(draft, log, checked, read)
     findings = (*draft.doubts, *checked.findings)
+    if description.format not in WITH_TABLES:
+        findings = tuple(one if one.nothing or one.kind in ("gap", "dropped") else _in_words(one) for one in findings)
     if not stated:
         draft = draft_toml.complete_draft(path, draft, checked.log, findings, len(places))
         text = draft.text(draft_toml.head_lines(path, why, draft))
@@ -133,6 +136,11 @@ def inspect_recording(path: Path, run: str = "", again: bool = False) -> Inspect
             text, trial = assumed, found_trial
     found = tuple(places), log, checked.log, tuple(series_rows(log)), findings
     return Inspected(path, description.format, why, *found, draft.columns, draft.unused, text, trial)
+
+
+def _in_words(one: Finding) -> Finding:
+    """Return a finding in a recording whose log.toml has no table for what was recorded."""
+    return one._replace(setting=f"nothing: of CSV files and bags it is {one.change}") if one.table in TABLES else one
 
 
 def name_radios(draft: Draft, log: TeamLog, place: Path, description: schema.TeamDescription) -> Draft:

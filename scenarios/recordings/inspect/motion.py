@@ -296,8 +296,11 @@ def distances(log: TeamLog, channel: Channel) -> Array:
     return np.where(distance > NEAREST, distance, np.nan)
 
 
-def range_spread(log: TeamLog, channel: Channel, shift: float) -> float:
-    """Return how ranges with stamps so much later [s] spread [m] about distances and a bias a pair; inf of too few."""
+def spread_of_readings(log: TeamLog, channel: Channel, shift: float, column: int = 0) -> float:
+    """Return how ranges with stamps so much later [s] spread [m] about distances and a bias a pair; inf of too few.
+
+    Of column 1 bearings [rad] about true directions.
+    """
     readings = log.readings[channel]
     every = slice(None, None, 1 + len(readings.time) // 2000)
     some = readings._replace(
@@ -306,7 +309,9 @@ def range_spread(log: TeamLog, channel: Channel, shift: float) -> float:
         other=readings.other[every],
         values=readings.values[every],
     )
-    off = some.values[:, 0] - distances(log._replace(readings={channel: some}), channel)
+    later = log._replace(readings={channel: some})
+    off = some.values[:, column] - (bearings(later, channel) if column else distances(later, channel))
+    off = wrap(off) if column else off
     if np.isfinite(off).sum() < max(FEWEST, len(off) / 4):
         return np.inf
     return robust_sd(np.concatenate([off[rows] - quantile(off[rows], 0.5) for _, _, rows in pairs(some, channel)]))

@@ -42,25 +42,29 @@ ASIDE, FARTHEST = 0.1, 1.0  # [m] of an antenna from the point that is tracked
 
 
 def check_delays(c: CheckedLog) -> None:
-    """Find ranges with shifted stamps, or from a point that is not the one tracked: they spread least with that."""
+    """Find ranges with shifted stamps, or from a point that is not the one tracked: they spread least with that.
+
+    Of sightings also bearings, which tell more of a robot that turns.
+    """
     for channel, readings in motion.range_channels(c.log):
-        spread = partial(motion.range_spread, c.log, channel)
-        shift, now, longest = 0.0, spread(0.0), min(LONGEST_DELAY, float(np.ptp(readings.time)) / 10)
-        for width in (longest, longest / 20, longest / 200) if np.isfinite(now) else ():
-            shift = float(min(shift + width * np.linspace(-1, 1, 41), key=spread))
-            if abs(shift) < LEAST_DELAY:
-                break
-        least = SHARPER * now if abs(shift) < LEAST_DELAY else min(SHARPER * now, 0.9 * spread(shift))
-        named = ("clock", motion.TABLES[channel]) in {(one.kind, one.table) for one in c.findings}
-        if find_antennas(c, channel, now, least) or named:
-            continue
-        if abs(shift) >= LEAST_DELAY and spread(shift) < min(SHARPER * now, VAGUE):
-            fact = (
-                f"stamps of ranges are {-shift:+.3g} s from the truth's: ranges spread by {now:.2g} m about distances"
-            )
-            fact += f", and by {spread(shift):.2g} m without that"
-            c.add("clock", None, readings.source, fact, "likely", f"clock_offset = {shift:.3g}", motion.TABLES[channel])
-            c.correct(channel, None, readings._replace(time=readings.time + shift))
+        columns = ((1, "bearings", "rad", "directions"), (0, "ranges", "m", "distances"))
+        for column, what, unit, true in columns[motion.TABLES[channel] != "sightings" :]:
+            spread = partial(motion.spread_of_readings, c.log, channel, column=column)
+            shift, now, longest = 0.0, spread(0.0), min(LONGEST_DELAY, float(np.ptp(readings.time)) / 10)
+            for width in (longest, longest / 20, longest / 200) if np.isfinite(now) else ():
+                shift = float(min(shift + width * np.linspace(-1, 1, 41), key=spread))
+                if abs(shift) < LEAST_DELAY:
+                    break
+            least = SHARPER * now if abs(shift) < LEAST_DELAY else min(SHARPER * now, 0.9 * spread(shift))
+            named = ("clock", motion.TABLES[channel]) in {(one.kind, one.table) for one in c.findings}
+            if (column == 0 and find_antennas(c, channel, now, least)) or named:
+                continue
+            if abs(shift) >= LEAST_DELAY and spread(shift) < min(SHARPER * now, VAGUE):
+                fact = f"stamps of {what} are {-shift:+.3g} s from the truth's: they spread by {now:.2g} {unit} about"
+                fact += f" {true}, and by {spread(shift):.2g} {unit} without that"
+                setting = f"clock_offset = {shift:.3g}"
+                c.add("clock", None, readings.source, fact, "likely", setting, motion.TABLES[channel])
+                c.correct(channel, None, readings._replace(time=readings.time + shift))
 
 
 def find_antennas(c: CheckedLog, channel: Channel, now: float, least: float) -> bool:
@@ -269,7 +273,7 @@ def check_names(c: CheckedLog) -> None:
         c.add("names", None, readings.source, fact, "likely", setting, motion.TABLES[channel])
 
 
-CAMERA_OFFSET = 0.15  # [rad] of a camera against straight ahead
+CAMERA_OFFSET = 0.05  # [rad] of a camera against straight ahead
 
 
 def check_bearings(c: CheckedLog) -> None:

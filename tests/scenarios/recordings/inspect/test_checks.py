@@ -204,6 +204,25 @@ def test_the_offset_of_a_clock_is_what_it_was_shifted_by(shift):
     assert [float(f.setting.removeprefix("clock_offset = ")) for f in found] == pytest.approx([-shift] * 3, abs=0.5)
 
 
+@pytest.mark.parametrize("robots", [range(3), [1]])
+def test_odometry_is_late_where_readings_agree_with_the_truth(robots):
+    log = team_log("camera", 3)
+    for i in robots:
+        log = series("odometry", i, lambda t, v: (t - 0.4, v))(log)
+    found = [f for f in findings(log) if f.kind == "clock"]
+    assert [(f.robot, f.table) for f in found] == [(f"r{i}", "odometry") for i in robots]
+    assert all("readings agree with the truth" in f.fact for f in found)
+    offsets = {float(offset) for f in found for offset in re.findall(r"-?\d\.\d+", f.setting)}
+    assert [*offsets] == pytest.approx([0.4] * len(offsets), abs=0.1)
+
+
+def test_sightings_are_late_by_what_bearings_say():
+    log = readings(["landmark"], "time", lambda r: r.time + 0.3)(team_log("camera", 3))
+    (found,) = findings(log)
+    assert "stamps of bearings are +0.3" in found.fact
+    assert -0.35 < float(found.setting.removeprefix("clock_offset = ")) < -0.25
+
+
 def test_the_corrected_recording_is_the_clean_one_and_the_original_is_not_changed():
     clean = team_log("camera", 4)
     log = series("truth", 1, times(1000, 1000, 1))(clean)
