@@ -131,7 +131,15 @@ def check_gaps(c: CheckedLog) -> None:
         if count := int((intervals > max(GAP * usual, 1.0)).sum()):
             gaps = f"{count_of(count, 'gap')}, the longest"
             fact = f"{gaps} {intervals.max():.3g} s; the usual interval is {usual:.3g} s"
-            c.add("gap", i, s.source, fact, "sure", "max_gap in [sample] is the longest gap that is bridged", table)
+            c.add(
+                "gap",
+                i,
+                s.source,
+                fact,
+                "sure",
+                "nothing: max_gap in [sample] is the longest gap that is bridged",
+                table,
+            )
 
 
 # --- Units
@@ -270,7 +278,7 @@ def check_clocks(c: CheckedLog) -> None:
     for i, (j, correlation) in _find_exchanged(motions, own).items():
         fact = f"odometry of {robots[i]} fits the truth of {robots[j]} (correlation {correlation:.2f}), not its own"
         fact += f" ({own[i].correlation:.2f})"
-        setting = f"exchange the truths of {robots[i]} and {robots[j]}"
+        setting = f"nothing: exchange the truths of {robots[i]} and {robots[j]}"
         c.add("robots", i, motions[j].poses.source, fact, "sure", setting, "truth")
         if (other := truths[j]) is not None:
             c.correct("truth", i, other)
@@ -306,7 +314,7 @@ def _report_shifts(c: CheckedLog, shifts: Mapping[int, tuple[float, str, str]]) 
     robots' own if they do with the shifts of these.
     """
     log, by_robot = c.log, {i: shift for i, (shift, _, _) in shifts.items() if shift}
-    differ = len(shifts) > 1 and np.ptp([shift for shift, _, _ in shifts.values()]) > SAME_CLOCK
+    differ = len(by_robot) < len(shifts) or np.ptp([*by_robot.values()] or [0.0]) > SAME_CLOCK
     truths = tuple(s and s._replace(time=s.time - by_robot.get(i, 0.0)) for i, s in enumerate(log.truth))
     later = {channel: _on_own_clocks(r, by_robot) for channel, r in log.readings.items()}
     of_truth, of_odometry, of_robots = (
@@ -317,11 +325,12 @@ def _report_shifts(c: CheckedLog, shifts: Mapping[int, tuple[float, str, str]]) 
     of_wheels = not own and better[False] < SHARPER
     digits = ".4g" if max(map(abs, by_robot.values()), default=0.0) < 1000 else ".12g"
     sign = 1 if own or of_wheels else -1
+    common = float(np.median([*by_robot.values()])) if by_robot else 0.0
     offsets = ", ".join(f"{log.robots[i]} = {sign * shift:{digits}}" for i, shift in by_robot.items())
     tables = ", ".join(dict.fromkeys(f"[{motion.TABLES.get(channel, 'rssi')}]" for channel in log.readings))
     for i, (shift, shown, sure) in ((i, one) for i, one in shifts.items() if i in by_robot):
         fact = f"the truth's stamps are {shift:+.4g} s from odometry's {shown}"
-        setting = f"clock_offset = {{ {offsets} }}" if differ else f"clock_offset = {sign * shift:{digits}}"
+        setting = f"clock_offset = {{ {offsets} }}" if differ else f"clock_offset = {sign * common:{digits}}"
         odometry, truth = log.odometry[i], truths[i]
         if own or of_wheels:
             setting += f", also in {tables}" * own
@@ -453,7 +462,7 @@ def _best_fit(m: motion.RobotMotion, truth: motion.SummedMotion) -> ClockFit:
 OFFSET = 0.1  # [rad] of a heading against the direction of motion; a slip or an arc is less
 SIGN = 6.0  # standard errors of a slope below zero from which a sign is wrong
 STRAIGHT = 1e-3  # [1/m] spread of curvatures, up to which a lever does not show
-BACK = "turn the positions back in the files"
+BACK = "nothing: turn the positions back in the files"
 MIRRORS = {  # by eighths of a turn
     0: ("mirrored", "y is downwards", 'frame = "mirrored"'),
     2: ("axes", "x and y are exchanged", 'frame = "swapped"'),
@@ -542,7 +551,7 @@ def check_compass_frame(c: CheckedLog, i: int) -> None:
     elif follows > FOLLOWS and abs(offset) > OFFSET:
         degrees = np.degrees(offset)
         fact = f"the positions move {degrees:+.0f} deg from where odometry says (agreement {follows:.2f})"
-        setting = f"turn dx, dy by {degrees:.0f} deg in the files"
+        setting = f"nothing: turn dx, dy by {degrees:.0f} deg in the files"
         c.add("frame", i, c.log.odometry[i].source, fact, "likely", setting, "odometry", ("dx", "dy"))
 
 
@@ -555,5 +564,4 @@ def _add_mirror(c: CheckedLog, i: int, mirror: float, fact: str, sure: str) -> N
     values = truth.values.copy()
     values[:, :2] = values[:, :2] @ np.array([[cosine, sine], [sine, -cosine]])
     c.correct("truth", i, truth._replace(values=values))
-    columns = ("x", "y") if setting == BACK else ()
-    c.add(kind, i, truth.source, f"{fact}: {words}", sure, setting, "truth", columns)
+    c.add(kind, i, truth.source, f"{fact}: {words}", sure, setting, "truth")

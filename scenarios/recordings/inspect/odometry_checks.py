@@ -33,11 +33,11 @@ def check_odometry_jumps(c: CheckedLog, i: int) -> None:
     if kind == "velocity" and len(fast := np.flatnonzero(speeds > max(FASTEST, 100 * usual))):
         fact = f"{len(fast)} speeds of more than {FASTEST:g} m/s, up to {speeds.max():.3g}"
         fact += f"; the first {time[fast[0]]:.1f} s after the start"
-        c.add("jump", i, odometry.source, fact, "sure", "remove these lines", "odometry", ("speed",))
+        c.add("jump", i, odometry.source, fact, "sure", "nothing: remove these lines", "odometry", ("speed",))
     if kind == "pose" and len(again := np.flatnonzero((apart > JUMP) & (speeds > FAST * max(usual, 0.05)))):
         fact = f"odometry leaps by up to {apart[again].max():.2g} m; the first time"
         fact += f" {time[again[0]]:.1f} s after the start: did it begin again?"
-        c.add("jump", i, odometry.source, fact, "sure", "make a run of each part", "odometry", ("x", "y"))
+        c.add("jump", i, odometry.source, fact, "sure", "nothing: make a run of each part", "odometry", ("x", "y"))
 
 
 LEAST = 5.0  # [s] of a dropout

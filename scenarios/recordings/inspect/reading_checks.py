@@ -228,7 +228,7 @@ def check_biases(c: CheckedLog) -> None:
             fact = "ranges minus distances, medians: " + ", ".join(f"{pair} {b:+.2f} m" for pair, b in found.items())
             key, typical, sure = BIAS_KEYS.get(channel), np.median(list(found.values())), "sure"
             setting = f"nothing: that of each pair is fitted; where nothing is, {key} = {typical:.2f} for all"
-            setting = setting if key else "calibrate the camera"
+            setting = setting if key else "nothing: calibrate the camera"
             if most > VAGUE or min(found.values()) < -VAGUE:  # ranges are too long, if anything
                 fact += f"; they spread by up to {most:.2g} m about that"
                 sure, setting = (
@@ -304,7 +304,7 @@ def check_bearings(c: CheckedLog) -> None:
             c.correct(channel, None, divide_columns(readings, -1.0, (1,)))
         elif follows < FOLLOWS < (agrees := motion.concentration(bearing - motion.bearings(c.log, channel, True))[0]):
             fact = f"bearings are from the x axis of the map, not from straight ahead (agreement {agrees:.2f})"
-            c.add("bearing", None, readings.source, fact, "sure", "subtract the heading in the files", *place)
+            c.add("bearing", None, readings.source, fact, "sure", "nothing: subtract the heading in the files", *place)
         elif differ:
             apart = {c.log.robots[i]: angle for i, angle in aside.items() if abs(angle) > CAMERA_OFFSET / 3}
             each = ", ".join(f"{robot} {np.degrees(angle):+.0f} deg" for robot, angle in apart.items())

@@ -247,7 +247,7 @@ def test_offsets_of_single_robots_are_one_setting_by_name():
 @pytest.mark.slow
 def test_a_bias_is_calibrated_of_cameras_and_fitted_of_radios():
     for world, channel, setting in (
-        ("camera", "sighting", "calibrate the camera"),
+        ("camera", "sighting", "nothing: calibrate the camera"),
         ("trajectory", "range", "nothing: "),
     ):
         (found,) = (f for f in findings(readings([channel], "values", bias)(team_log(world, 2))) if f.kind == "bias")

@@ -673,7 +673,7 @@ def delayed(files):
         (later_ranges, {"clock"}, "[ranges] clock_offset = -5000"),
         (frozen, {"stale"}, '[truth] repeats = "stale"'),
         (decimetres, {"unit"}, '[ranges] range: unit = "cm"'),
-        (odometry_that_began_again, {"jump"}, "[odometry] x, y: make a run of each part"),
+        (odometry_that_began_again, {"jump"}, "nothing: make a run of each part"),
         (changed(omega=lambda w: 0 * w), {"standstill"}, "another file or topic has it"),
         (changed(v=lambda v: 0 * v), {"standstill"}, "another file or topic has it"),
         (steps_along_the_axes, {"frame"}, '[odometry] of steps kind = "displacement"'),
