@@ -277,7 +277,8 @@ def _with_y_up(table: CsvTable, guesses: list[Guess]) -> list[Guess]:
     z = "z".join(of["y"].column.rsplit("y", 1)) if len(of) == 2 else ""
     columns = [v for c in ("x", "y") if z and not isinstance(v := table.columns.get(of[c].column, ()), tuple)]
     depth = table.columns.get(z, ())
-    if len(columns) < 2 or isinstance(depth, tuple) or "other" in {g.quantity for g in guesses}:
+    there = {g.quantity for g in guesses}
+    if len(columns) < 2 or isinstance(depth, tuple) or "other" in there or not {"time", "sec"} & there:
         return guesses
     wide, high, deep = (float(np.nanquantile(v, 0.98) - np.nanquantile(v, 0.02)) for v in (*columns, depth))
     if not high < LEVEL * min(wide, deep) or not min(wide, deep) > 1.0:

@@ -414,8 +414,9 @@ def _draft_table(part: TablePart, robots: tuple[str, ...], fixed: Sequence[str],
     table, files, columns = part.table, part.file_names, part.columns
     names = ", ".join(files)
     if table in ("anchors", "landmarks"):
-        places = Entry("places", _places_of(part, robots), f"{files[0]} has names and places")
-        return DraftTable(table, (places,))
+        places = _places_of(part, robots)
+        entry = Entry("places", places, f"{files[0]} has names and places")
+        return DraftTable(table, (entry,)) if places else f"{names}: looks like {table}, but has no place with a name"
     owners = _whose(part, robots, fixed, runs)
     if isinstance(owners, str):
         return owners

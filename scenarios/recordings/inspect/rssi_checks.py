@@ -84,7 +84,8 @@ def _best_shift(log: TeamLog, channel: Channel, readings: ReadingSeries) -> tupl
     def spread(shift: float) -> float:
         later = {**log.readings, channel: readings._replace(time=readings.time + shift)}
         distance = motion.distances(log._replace(readings=later), channel)
-        return float(np.nanstd(_fit(distance, readings.values[:, 0])[0]))
+        residual, slope, _ = _fit(distance, readings.values[:, 0])
+        return float(np.nanstd(residual)) if np.isfinite(slope) else np.inf
 
     shifts = np.linspace(-LONGEST_DELAY, LONGEST_DELAY, 41)
     spreads = [spread(shift) for shift in shifts]
