@@ -316,7 +316,7 @@ def _draw_signals(ax: Axes, one: Finding, log: TeamLog) -> None:
     colours, near, far = [*style.robot_colours(log.robots).items()], np.inf, 0.0
     for channel in (c for c in RSSI_CHANNELS if c in log.readings and log.readings[c].source == one.source):
         readings, distance = log.readings[channel], motion.distances(log, channel)
-        near, far = min(near, float(np.nanmin(distance))), max(far, float(np.nanmax(distance)))
+        near, far = float(np.nanmin(distance, initial=near)), float(np.nanmax(distance, initial=far))
         for i, (robot, colour) in enumerate(colours):
             own = readings.robot == i
             ax.plot(distance[own], readings.values[own, 0], ".", ms=2, alpha=0.5, color=colour, label=robot)

@@ -51,9 +51,8 @@ def inspection_page(found: Inspected, sketch: bytes) -> str:
         said = [f"{fact}. ({'; '.join(filter(None, (one.sure, one.source)))})"]
         head = f"{number}. {one.kind.capitalize()}{': ' * bool(one.robot)}{one.robot}"
         said += [f"Nothing to change in log.toml: {one.nothing}."] if one.nothing else []
-        sections.append(
-            Section(head, said, "" if one.nothing else one.change, [(one.fact, _png(figure))] if figure else ())
-        )
+        change, pictures = "" if one.nothing else one.change, [(one.fact, _png(figure))] if figure else ()
+        sections.append(Section(head, said, change, pictures))
     robots, problem = len(found.log.robots), found.trial.problem
     name = f"{found.format} ({found.why}), {count_of(robots, 'robot')}, {count_of(len(found.runs), 'run')}"
     sentence = f"{count_of(len(sections), 'thing')} to look at" if sections else "Nothing odd was found"

@@ -131,15 +131,8 @@ def check_gaps(c: CheckedLog) -> None:
         if count := int((intervals > max(GAP * usual, 1.0)).sum()):
             gaps = f"{count_of(count, 'gap')}, the longest"
             fact = f"{gaps} {intervals.max():.3g} s; the usual interval is {usual:.3g} s"
-            c.add(
-                "gap",
-                i,
-                s.source,
-                fact,
-                "sure",
-                "nothing: max_gap in [sample] is the longest gap that is bridged",
-                table,
-            )
+            setting = "nothing: max_gap in [sample] is the longest gap that is bridged"
+            c.add("gap", i, s.source, fact, "sure", setting, table)
 
 
 # --- Units
@@ -168,21 +161,13 @@ def check_lengths(c: CheckedLog, i: int) -> None:
         return odometry / window, truth / window
 
     driven, moved = speeds(m.window)
-    units, kind = LENGTH_UNITS[:2], c.log.odometry_kind
+    names_of_odometry = LENGTHS.get(c.log.odometry_kind, POSITIONS)
     sides = (
-        (
-            "truth",
-            "the truth is",
-            moved,
-            "odometry",
-            driven,
-            m.poses,
-            POSITIONS,
-            (*units, CM_FOR_MM) if driven < FAST else units,
-        ),
-        ("odometry", "odometry is", driven, "the truth", moved, odometry, LENGTHS.get(kind, POSITIONS), units),
+        ("truth", "the truth is", moved, "odometry", driven, m.poses, POSITIONS),
+        ("odometry", "odometry is", driven, "the truth", moved, odometry, names_of_odometry),
     )
-    for table, this, speed, that, other, series, (columns, names), known in sides:
+    for table, this, speed, that, other, series, (columns, names) in sides:
+        known = (*LENGTH_UNITS[:2], *[CM_FOR_MM] * (table == "truth" and driven < FAST))
         ratio = speed / other if other > 0 else np.nan
         if unit := unit_of_ratio(ratio, known, 1.25):  # odometry is calibrated to better than 25 %
             fact = f"{this} {ratio:.3g} times as fast as {that} ({speed:.3g} against {other:.3g} m/s)"
@@ -320,9 +305,9 @@ def _report_shifts(c: CheckedLog, shifts: Mapping[int, tuple[float, str, str]]) 
     of_truth, of_odometry, of_robots = (
         _spreads(one) for one in (log._replace(truth=truths), log, log._replace(readings=later if differ else {}))
     )
-    better = {True: _sharpest(of_robots, of_truth), False: _sharpest(of_odometry, of_truth)}
-    own = better[True] < min(better[False], SHARPER)
-    of_wheels = not own and better[False] < SHARPER
+    robots_fit, wheels_fit = _sharpest(of_robots, of_truth), _sharpest(of_odometry, of_truth)
+    own = robots_fit < min(wheels_fit, SHARPER)
+    of_wheels = not own and wheels_fit < SHARPER
     digits = ".4g" if max(map(abs, by_robot.values()), default=0.0) < 1000 else ".12g"
     sign = 1 if own or of_wheels else -1
     common = float(np.median([*by_robot.values()])) if by_robot else 0.0

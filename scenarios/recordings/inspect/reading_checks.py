@@ -38,6 +38,7 @@ def check_range_units(c: CheckedLog) -> None:
 
 
 SHARPER = 0.7  # times the spread of ranges about the distances, from which another cause is believed
+MOST_UNKNOWN = 100  # of a fit
 ASIDE, FARTHEST = 0.1, 1.0  # [m] of an antenna from the point that is tracked
 
 
@@ -81,9 +82,11 @@ def find_antennas(c: CheckedLog, channel: Channel, now: float, least: float) -> 
     rows = rows[:: 1 + len(rows) // SOME]
     if channel not in BIAS_KEYS or len(rows) < motion.FEWEST or not now > COARSE_SPREAD:
         return False
-    pair = np.unique(
-        np.sort([readings.robot, readings.other + n * (not between)], axis=0), axis=1, return_inverse=True
-    )[1]
+    ends = np.sort([readings.robot, readings.other + n * (not between)], axis=0)
+    each_pair, pair = np.unique(ends, axis=1, return_inverse=True)
+    unknown = 2 * n + each_pair.shape[1]
+    if unknown > MOST_UNKNOWN:
+        return False
     headings = [pose[:, 2] for pose in poses]
     owners = [readings.robot, readings.other][: len(poses)]
 
@@ -99,7 +102,7 @@ def find_antennas(c: CheckedLog, channel: Channel, now: float, least: float) -> 
         off = distances(s[: 2 * n].reshape(n, 2), rows) + s[2 * n :][pair[rows]] - readings.values[rows, 0]
         return np.concatenate([off, s * BIAS / OFFSET])
 
-    fit: Any = least_squares(residuals, np.zeros(2 * n + pair.max() + 1), loss="soft_l1", f_scale=BIAS)
+    fit: Any = least_squares(residuals, np.zeros(unknown), loss="soft_l1", f_scale=BIAS)
     rest, places = motion.robust_sd(residuals(fit.x)[: len(rows)]), fit.x[: 2 * n].reshape(n, 2)
     errors = max(rest, COARSE_SPREAD) * np.sqrt(np.diag(np.linalg.inv(fit.jac.T @ fit.jac)))[: 2 * n].reshape(n, 2)
     aside = (np.abs(places) > np.maximum(ASIDE, DEVIATIONS * errors)).any(axis=1)
@@ -231,10 +234,8 @@ def check_biases(c: CheckedLog) -> None:
             setting = setting if key else "nothing: calibrate the camera"
             if most > VAGUE or min(found.values()) < -VAGUE:  # ranges are too long, if anything
                 fact += f"; they spread by up to {most:.2g} m about that"
-                sure, setting = (
-                    "likely",
-                    "nothing: that is more than a bias; look whether truths and places are in one frame",
-                )
+                setting = "nothing: that is more than a bias; look whether truths and places are in one frame"
+                sure = "likely"
             c.add("bias", None, readings.source, fact, sure, setting, "model")
 
 
@@ -256,10 +257,8 @@ def check_names(c: CheckedLog) -> None:
             continue
         off, spread = np.median(varied, axis=0)
         fact = f"ranges do not follow the distance of the two that they name: they are {off:.2g} m off, and distances"
-        fact, setting = (
-            f"{fact} change by {spread:.2g} m",
-            "nodes, or the places of anchors: whose name is whose; or are truths in two frames?",
-        )
+        fact += f" change by {spread:.2g} m"
+        setting = "nodes, or the places of anchors: whose name is whose; or are truths in two frames?"
         robots, truths = c.log.robots, [motion.known_truth(c.log, i) for i in range(len(c.log.robots))]
         known = {robots[i]: truth for i, truth in enumerate(truths) if truth is not None}
         if channel == "range" and len(known) == len(robots) > 2:

@@ -46,7 +46,7 @@ def check_rssi(c: CheckedLog) -> None:
             continue
         shift, spread = _best_shift(c.log, channel, readings)
         now = float(np.nanstd(residual))
-        evidence = len(residual) / INDEPENDENT * np.log(now / spread)
+        evidence = len(residual) / INDEPENDENT * np.log(now / spread) if spread > 0 else 0.0
         if abs(shift) >= LEAST_DELAY and spread < SHARPER * now and evidence > EVIDENCE**2 / 2:
             fact = (
                 f"stamps of signals are {-shift:+.2g} s from the truth's: they spread by {now:.2f} dB about a line over"
@@ -79,7 +79,7 @@ def _fit(distance: Array, values: Array) -> tuple[Array, float, float]:
 
 
 def _best_shift(log: TeamLog, channel: Channel, readings: ReadingSeries) -> tuple[float, float]:
-    """Return the shift [s] of stamps at which readings spread least about a line, each pair at a level of its own."""
+    """Return the shift [s] of stamps at which signals spread least about a line, and their spread [dB]."""
 
     def spread(shift: float) -> float:
         later = {**log.readings, channel: readings._replace(time=readings.time + shift)}
