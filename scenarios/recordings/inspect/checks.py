@@ -131,7 +131,9 @@ def check_gaps(c: CheckedLog) -> None:
         if count := int((intervals > max(GAP * usual, 1.0)).sum()):
             gaps = f"{count_of(count, 'gap')}, the longest"
             fact = f"{gaps} {intervals.max():.3g} s; the usual interval is {usual:.3g} s"
+            holds = table == "odometry" and c.log.odometry_kind in ("velocity", "path")
             setting = "nothing: max_gap in [sample] is the longest gap that is bridged"
+            setting = "nothing: max_hold in [sample] is how long a speed holds" if holds else setting
             c.add("gap", i, s.source, fact, "sure", setting, table)
 
 
@@ -462,11 +464,12 @@ def check_frame(c: CheckedLog, i: int) -> None:
     if not motion.moves(c.log, i):
         return
     m = motion.robot_motion(c.log, i)
-    poses = m.poses.values
-    own = np.arange(m.truth.time[0], m.truth.time[-1], m.window)
+    poses, span = m.poses.values, float(m.truth.time[-1] - m.truth.time[0])
+    window = max(2 * float(np.median(np.diff(m.truth.time))), 0.2, span / motion.MOST_WINDOWS)
+    own = np.arange(m.truth.time[0], m.truth.time[-1], window)
     direction, driven = motion.course(m.steps(m.truth, own).move), m.steps(m.odometry, own).length
     direction = np.where(driven < 0, wrap(direction + np.pi), direction)  # it drives backwards
-    heading = wrap(np.interp(own[:-1] + m.window / 2, m.truth.time, m.truth.turn))
+    heading = wrap(np.interp(own[:-1] + window / 2, m.truth.time, m.truth.turn))
     follows, offset = motion.concentration(heading - direction)
     opposes, mirror = motion.concentration(heading + direction)
     offset = _less_lever(wrap(heading - direction - offset), m.steps(m.truth, own)) + offset

@@ -111,6 +111,7 @@ def _remark(f: Finding) -> str:
 # --- Settings that follow from the recording
 
 TICKS = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0)  # [s]
+ON_CHANGE, LONGEST_HELD = 5.0, 10.0  # usual intervals that every twentieth line has, and [s] that a speed holds then
 FIRST_PART = 60.0  # [s] that models are fitted on, at most a third of the recording
 
 
@@ -141,9 +142,15 @@ def _settings(log: TeamLog, runs: int) -> tuple[DraftTable, ...]:
         Entry("tick", tick, f"[s] odometry comes every {usual:.3g} s"),
         Entry("max_gap", max_gap, "[s] five intervals of odometry or two of the truth, at least 0.5", "likely"),
     )
-    hold = max((float(np.quantile(np.diff(t), 0.95)) for t in stamps), default=0.0)
-    if log.odometry_kind in ("velocity", "path") and hold > Sample().max_hold:
-        why = "[s] some speeds hold so long, as odometry is written seldom"
+    hold, why = (
+        max((float(np.quantile(np.diff(t), 0.95)) for t in stamps), default=0.0),
+        "as odometry is written seldom",
+    )
+    if hold > ON_CHANGE * usual:
+        longest = max(float(np.diff(t).max()) for t in stamps)
+        hold, why = min(longest, LONGEST_HELD), "as lines come at irregular times: they are written on change, perhaps"
+    if log.odometry_kind in ("velocity", "path") and 1.5 * hold > Sample().max_hold:
+        why = f"[s] some speeds hold so long, {why}"
         sample = (*sample, Entry("max_hold", float(f"{1.5 * hold:.2g}"), why, "perhaps"))
     headed = all(s is None or np.isfinite(s.values[:, 2]).any() for s in log.truth) and any(log.truth)
     why = "the truth has a heading" if headed else "the truth has no heading: the direction of the first motion"

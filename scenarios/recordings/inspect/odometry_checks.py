@@ -41,6 +41,7 @@ def check_odometry_jumps(c: CheckedLog, i: int) -> None:
 
 
 LEAST = 5.0  # [s] of a dropout
+RARE = 1.0  # [s] between lines of odometry
 OFTEN, NOTICED = 5.0, 0.1  # times the usual misfit, and m/s or rad/s, that it has at least
 
 
@@ -49,7 +50,8 @@ def check_dropouts(c: CheckedLog, i: int) -> None:
     if c.log.odometry_kind == "displacement" or not motion.moves(c.log, i):
         return
     m = motion.robot_motion(c.log, i)
-    longer, start = m._replace(window=max(m.window, 1.0)), max(m.odometry.time[0], m.truth.time[0])
+    interval, start = float(np.median(np.diff(m.odometry.time))), max(m.odometry.time[0], m.truth.time[0])
+    longer = m._replace(window=interval if interval > RARE else max(m.window, 1.0))
     steps, true = longer.common_steps()
     for word, unit, measured, truth in (
         ("drives", "m/s", np.abs(steps.length), np.abs(true.length)),
@@ -58,6 +60,13 @@ def check_dropouts(c: CheckedLog, i: int) -> None:
         off = np.abs(measured - truth * motion.robust_slope(truth, measured)[0]) / longer.window
         usual, edges = motion.quantile(off, 0.5, motion.FEWEST_WINDOWS), start + longer.window * np.arange(len(off) + 1)
         found = motion.lasting(edges, off > max(OFTEN * usual, NOTICED), LEAST) - start
+        if interval > RARE and usual > NOTICED / 2:
+            fact = (
+                f"odometry comes every {interval:.3g} s, and {word} {usual:.2g} {unit} otherwise than the truth between"
+            )
+            setting = "nothing: what it was between its lines is not known"
+            c.add("coarse", i, c.log.odometry[i].source, f"{fact} its lines (median)", "likely", setting, "odometry")
+            return
         if np.isfinite(usual) and len(found):
             begin, end = found[np.argmax(np.diff(found, axis=1)[:, 0])]
             worst = off[int(begin / longer.window) : int(np.rint(end / longer.window))].mean()

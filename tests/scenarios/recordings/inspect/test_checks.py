@@ -216,6 +216,13 @@ def test_odometry_is_late_where_readings_agree_with_the_truth(robots):
     assert [*offsets] == pytest.approx([0.4] * len(offsets), abs=0.1)
 
 
+def test_odometry_that_is_too_rare_for_what_the_robot_does_is_said():
+    log = series("odometry", 1, lambda t, v: (t[::5], v[::5]))(team_log("no-compass", 2))
+    found = [f for f in findings(log) if f.kind == "coarse"]
+    assert [(f.robot, f.table) for f in found] == [("r1", "odometry")]
+    assert found[0].fact.startswith("odometry comes every 5 s, and ")
+
+
 def test_sightings_are_late_by_what_bearings_say():
     log = readings(["landmark"], "time", lambda r: r.time + 0.3)(team_log("camera", 3))
     (found,) = findings(log)

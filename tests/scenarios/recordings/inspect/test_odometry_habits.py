@@ -81,11 +81,16 @@ def test_a_counter_that_overflows_or_begins_again_goes_on(tmp_path, leaps):
         assert np.ptp(series.values[:, 0]) == pytest.approx(driven, rel=0.05)  # but for the steps of the leaps
 
 
-def test_speeds_that_are_written_seldom_hold_until_the_next(tmp_path):
-    write_team(tmp_path, lambda table: table.iloc[::50])
+def on_change(table):
+    """Lines for ten seconds, and then one every eight seconds."""
+    return table[(table.index < 100) | (table.index % 80 == 0)]
+
+
+@pytest.mark.parametrize(("change", "held"), [(lambda t: t.iloc[::50], 7.5), (on_change, 12.0)])
+def test_speeds_that_are_written_seldom_hold_until_the_next(tmp_path, change, held):
+    write_team(tmp_path, change)
     text = cl.inspect(tmp_path).inspected.text
-    (held,) = re.findall(r"max_hold = ([\d.]+)", text)
-    assert 5.0 <= float(held) <= 10.0
+    assert float(re.search(r"max_hold = ([\d.]+)", text)[1]) == held
 
 
 def test_findings_on_turns_are_drawn_with_turn_rates_and_others_with_speeds(tmp_path):
