@@ -144,7 +144,7 @@ SCALE = 1.5  # times as fast as the truth: no calibration is so far off
 DEGREE = np.pi / 180
 ANGLE_UNITS = (("degrees", "deg", 1 / DEGREE), ("radians", "rad", DEGREE))
 CM_FOR_MM = ("unit", "cm", 0.1)
-FAST = 2.0  # [m/s] of robots indoors
+INDOORS = 2.0  # [m/s] of robots
 WINDING = 5.0  # [s] in which robots drive curves
 POSITIONS = ((0, 1), ("x", "y"))
 LENGTHS = {"velocity": ((0,), ("speed",)), "path": ((0,), ("length",)), "displacement": ((0, 1), ("dx", "dy"))}
@@ -169,11 +169,11 @@ def check_lengths(c: CheckedLog, i: int) -> None:
         ("odometry", "odometry is", driven, "the truth", moved, odometry, names_of_odometry),
     )
     for table, this, speed, that, other, series, (columns, names) in sides:
-        known = (*LENGTH_UNITS[:2], *[CM_FOR_MM] * (table == "truth" and driven < FAST))
+        known = (*LENGTH_UNITS[:2], *[CM_FOR_MM] * (table == "truth" and driven < INDOORS))
         ratio = speed / other if other > 0 else np.nan
         if unit := unit_of_ratio(ratio, known, 1.25):  # odometry is calibrated to better than 25 %
             fact = f"{this} {ratio:.3g} times as fast as {that} ({speed:.3g} against {other:.3g} m/s)"
-            sure = "sure" if 0.01 < other < FASTEST and not 0.01 < speed < FAST else "likely"
+            sure = "sure" if 0.01 < other < FASTEST and not 0.01 < speed < INDOORS else "likely"
             c.add("unit", i, series.source, fact, sure, f'unit = "{unit[1]}"', table, names)
             c.correct(table, i, divide_columns(series, unit[2], columns))
             return
@@ -472,7 +472,8 @@ def check_frame(c: CheckedLog, i: int) -> None:
     heading = wrap(np.interp(own[:-1] + window / 2, m.truth.time, m.truth.turn))
     follows, offset = motion.concentration(heading - direction)
     opposes, mirror = motion.concentration(heading + direction)
-    offset = _less_lever(wrap(heading - direction - offset), m.steps(m.truth, own)) + offset
+    straight = offset + _less_lever(wrap(heading - direction - offset), m.steps(m.truth, own))
+    offset = min(offset, straight, key=abs)  # who drives one circle says little of straight lines
     measured, true = m.common_steps()
     smoothed = np.convolve(measured.turn, np.full(3, 1 / 3), "same") if len(measured.turn) > 3 else measured.turn
     of_heading, of_course = (

@@ -22,7 +22,7 @@ from cooploc.scenarios.recordings.radio_nodes import NodeRanges, assign
 from cooploc.scenarios.recordings.team_log import Channel, other_names
 
 RANGE_UNITS = (*LENGTH_UNITS, ("unit", "mm", 10.0), ("unit", "cm", 0.1))  # cm taken for mm, or mm for cm
-COARSE_SPREAD = 0.03  # [m] ranges are no better
+BEST_SPREAD = 0.03  # [m] of ranges about distances
 BIAS = 0.1  # [m] a smaller one matters little beside the noise of ranges
 BIAS_KEYS = {"range": "range_bias", "anchor_range": "anchor_range_bias"}
 
@@ -80,7 +80,7 @@ def find_antennas(c: CheckedLog, channel: Channel, now: float, least: float) -> 
     known = np.isfinite(np.concatenate([*poses, there], axis=1)).all(axis=1)
     rows = np.flatnonzero(known)
     rows = rows[:: 1 + len(rows) // SOME]
-    if channel not in BIAS_KEYS or len(rows) < motion.FEWEST or not now > COARSE_SPREAD:
+    if channel not in BIAS_KEYS or len(rows) < motion.FEWEST or not now > BEST_SPREAD:
         return False
     ends = np.sort([readings.robot, readings.other + n * (not between)], axis=0)
     each_pair, pair = np.unique(ends, axis=1, return_inverse=True)
@@ -104,7 +104,7 @@ def find_antennas(c: CheckedLog, channel: Channel, now: float, least: float) -> 
 
     fit: Any = least_squares(residuals, np.zeros(unknown), loss="soft_l1", f_scale=BIAS)
     rest, places = motion.robust_sd(residuals(fit.x)[: len(rows)]), fit.x[: 2 * n].reshape(n, 2)
-    errors = max(rest, COARSE_SPREAD) * np.sqrt(np.diag(np.linalg.inv(fit.jac.T @ fit.jac)))[: 2 * n].reshape(n, 2)
+    errors = max(rest, BEST_SPREAD) * np.sqrt(np.diag(np.linalg.inv(fit.jac.T @ fit.jac)))[: 2 * n].reshape(n, 2)
     aside = (np.abs(places) > np.maximum(ASIDE, DEVIATIONS * errors)).any(axis=1)
     if rest >= min(least, VAGUE) or not aside.any() or np.abs(places).max() > FARTHEST:
         return False

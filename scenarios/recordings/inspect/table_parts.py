@@ -9,7 +9,7 @@ import numpy as np
 
 from cooploc.estimators.interface import Array
 from cooploc.scenarios.recordings.inspect import naming
-from cooploc.scenarios.recordings.inspect.columns import PART, TO_THE_SIDE, CsvTable, Guess, infer_columns
+from cooploc.scenarios.recordings.inspect.columns import FAR, PART, TO_THE_SIDE, CsvTable, Guess, infer_columns
 from cooploc.scenarios.recordings.inspect.findings import Finding
 from cooploc.scenarios.recordings.schema import COLUMNS, UNITS
 
@@ -212,6 +212,11 @@ def first_columns(
     return {q: found[q] for q in quantities if q in found}
 
 
+def _smaller_unit(one: Guess, other: Guess) -> Guess:
+    """Return the guess of the smaller unit, of two by how far values span."""
+    return min(one, other, key=lambda guess: UNITS["m"][guess.unit])
+
+
 def merge_parts(parts: Sequence[TablePart], unused: list[str]) -> list[TablePart]:
     """Merge parts of the same table and columns; of all but readings keep what its name says, or has the most files."""
     merged: dict[Any, TablePart] = {}
@@ -224,8 +229,16 @@ def merge_parts(parts: Sequence[TablePart], unused: list[str]) -> list[TablePart
                 better = guess if guess.unit in UNITS else other  # of two units that of SI is more probable
                 why = f"files differ, in {part.files[0].name} it is {other.unit}, perhaps"
                 columns[q] = guess if guess.unit == other.unit else better._replace(reason=why)
+                if FAR in guess.reason and FAR in other.reason:
+                    columns[q] = _smaller_unit(guess, other)
             part = before._replace(columns=columns, files=(*before.files, *part.files))
         merged[key] = part
+    for key, part in merged.items():  # x and y have one unit
+        far = {q: g for q, g in part.columns.items() if q in "xy" and FAR in g.reason}
+        if len(far) == 2:
+            one = _smaller_unit(*far.values())
+            same = {q: g._replace(unit=one.unit, reason=one.reason) for q, g in far.items() if g.unit != one.unit}
+            merged[key] = part._replace(columns=part.columns | same)
     kept: list[TablePart] = []
     for part in sorted(merged.values(), key=lambda part: (not part.is_named, -len(part.files), len(part.columns))):
         k = next((k for k, other in enumerate(kept) if other.table == part.table), -1)

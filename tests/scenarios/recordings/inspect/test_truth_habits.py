@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pandas as pd
 import pytest
-from made_csv_teams import ROBOTS, two_robots
+from made_csv_teams import ROBOTS, changed, two_robots
 
 import cooploc as cl
 from cooploc.analysis.plot.worlds import finding
@@ -113,11 +113,18 @@ def test_y_that_hardly_changes_is_up(tmp_path):
         np.testing.assert_allclose(series.values, own[["x", "y", "theta"]])
 
 
-def test_lengths_in_cm_are_told_from_mm_by_how_fast_robots_drive(tmp_path):
-    inspected = inspect_changed(tmp_path, lambda t: t.assign(x=np.where(t.index, 100 * t.x, 2e3), y=100 * t.y))
-    assert "span" in inspected.text
-    assert 'unit = "cm"' in inspected.text
-    assert "scale" not in {f.kind for f in inspected.findings}
+@pytest.mark.parametrize("times", [4, 5])  # with 4 some span 10 m, and others less
+def test_lengths_in_cm_are_told_from_mm_by_how_fast_robots_drive(tmp_path, times):
+    larger = changed(
+        **dict.fromkeys("xy", lambda x: 100 * times * x), **dict.fromkeys(("v", "range"), lambda v: times * v)
+    )
+    files = larger({name: pd.DataFrame(columns) for name, columns in two_robots(seconds=90).items()})
+    for name, table in files.items():
+        table.to_csv(tmp_path / name, index=False)
+    assert np.ptp(files["truth_red.csv"]["x"]) > 1000  # of which alone mm are told
+    inspected = cl.inspect(tmp_path).inspected
+    assert all(f'{q} = {{ column = "{q}", unit = "cm" }}' in inspected.text for q in "xy")
+    assert inspected.findings == ()
 
 
 def test_robots_that_go_elsewhere_than_their_heading_go_to_the_side(tmp_path):
