@@ -59,7 +59,7 @@ def read_run(place: Path, name: str, description: TeamDescription | None) -> Tea
     named = _names_of_barcodes(read_table(place / BARCODES, ("subject", "barcode"), True), surveyed, numbers)
     landmarks, warnings = tuple(str(int(k)) for k in surveyed.values[:, 0]), list[str]()
     tables, lost = dict[str, list[TextTable]](), list[str]()
-    for robot in map(str, numbers):
+    for robot in team_log.chosen_robots([*map(str, numbers)], description, place):
         try:
             tables[robot] = [read_table(place / f"Robot{robot}_{kind}.dat", of) for kind, of in FILES.items()]
             warnings += [note for table in tables[robot] for note in table.notes]

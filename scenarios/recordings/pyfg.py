@@ -142,7 +142,7 @@ def find_runs(data: Path, description: TeamDescription) -> dict[str, Path]:
 
 
 def read_run(place: Path, name: str, description: TeamDescription) -> TeamLog:
-    """Read one file as one recording; it leaves nothing for the description to say."""
+    """Read one file as one recording, of all its robots or of those that the description names."""
     graph = read_graph(place)
     relative, seen, ranges = (graph.edges[tag] for tag in ("EDGE_SE2", "EDGE_SE2_XY", "EDGE_RANGE"))
     chains: dict[str, list[str]] = {}
@@ -158,6 +158,7 @@ def read_run(place: Path, name: str, description: TeamDescription) -> TeamLog:
     chains = {robot: chain for robot, chain in chains.items() if robot not in still}
     following = {pair for chain in chains.values() for pair in pairwise(chain)}
     sightings = [e for e in relative if (e.first, e.second) not in following]
+    chains = {robot: chains[robot] for robot in team_log.chosen_robots([*chains], description, place)}
     anchors = _places(graph, {e.second for e in ranges if e.second in graph.places})
     landmarks = _places(graph, {e.second for e in seen})
     odometry = tuple(_odometry(graph, chain, moved) for chain in chains.values())

@@ -466,10 +466,9 @@ class TeamDescription(Strict):
     def _has_sources(self) -> Self:
         sources = self._sources
         if self.format not in ("csv", "bag"):
-            if sources:
-                raise ValueError(
-                    f'format = "{self.format}" says itself where everything is; remove [odometry], [truth] ...'
-                )
+            if sources or self.anchors or self.landmarks:
+                said = "odometry, truth, readings and places"
+                raise ValueError(f'format = "{self.format}" has {said} in its files; correct them there, not in a table')
             return self
         if not self.robots:
             raise ValueError('robots is missing; name them: robots = ["red", "blue"]')

@@ -16,7 +16,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 import pandas as pd
 
-from cooploc.estimators.errors import BadInput, count_of
+from cooploc.estimators.errors import BadInput, count_of, nearest
 from cooploc.estimators.interface import Array, Indices, Mask
 from cooploc.scenarios.recordings.schema import (
     GroundTruth,
@@ -250,6 +250,14 @@ class Measured(NamedTuple):
     other: Sequence[str]  # (m,) what was measured
     values: Array  # (m, k)  nan where absent
     source: str  # file or topic
+
+
+def chosen_robots(found: Sequence[str], d: TeamDescription | None, place: Path) -> tuple[str, ...]:
+    """Return the robots of a recording that the description names, in its order; all if it names none."""
+    chosen = (d.robots if d else ()) or tuple(found)
+    if stranger := next((robot for robot in chosen if robot not in found), ""):
+        raise BadInput(f"{place}: there is no robot {stranger!r}; {nearest(stranger, list(found))}")
+    return chosen
 
 
 def stated_places(stated: PlacesTable | None) -> Places:

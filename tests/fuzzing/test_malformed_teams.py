@@ -15,7 +15,7 @@ SHORT = DESCRIPTION.replace("seconds = 60.0", "seconds = 4.0")
 IN_TOML = [
     ('format = "csv"', 'format = "cvs"', "log.toml: format"),
     ('format = "csv"', 'format = "bag"', "no bag here"),
-    ('format = "csv"', 'format = "pyfg"', "says itself where everything is"),
+    ('format = "csv"', 'format = "pyfg"', "has odometry, truth, readings and places in its files; correct them there"),
     ('robots = ["red", "blue"]', "", "robots is missing"),
     ('robots = ["red", "blue"]', 'robots = ["husky 1", "blue"]', "'husky 1' cannot be a name here: it has a blank"),
     ('robots = ["red", "blue"]', 'robots = ["red", "red"]', "'red' is the name of two things"),

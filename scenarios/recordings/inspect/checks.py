@@ -120,16 +120,17 @@ def check_gaps(c: CheckedLog) -> None:
     stamps = [s.time[[0, -1]] for _, _, s in series if len(s.time) > 1]
     start, end = np.median(stamps, axis=0) if stamps else (0.0, 0.0)
     for table, i, s in series:
+        this = "the truth" if table == "truth" else table
         if end > start and len(s.time):
             late, early, span = s.time[0] - start, end - s.time[-1], end - start
             if max(ENDS * span, 1.0) <= max(late, early) <= span:
                 words = f"begins {late:.3g} s late" if late > early else f"ends {early:.3g} s early"
                 setting = "nothing: what is missing is not known"
-                c.add("span", i, s.source, f"it {words} in {span:.3g} s", "sure", setting, table)
+                c.add("span", i, s.source, f"{this} {words} in {span:.3g} s", "sure", setting, table)
         intervals = np.diff(s.time)
         usual = float(np.median(intervals)) if len(s.time) >= 10 else np.inf
         if count := int((intervals > max(GAP * usual, 1.0)).sum()):
-            gaps = f"{count_of(count, 'gap')}, the longest"
+            gaps = f"{this} has {count_of(count, 'gap')}, the longest"
             fact = f"{gaps} {intervals.max():.3g} s; the usual interval is {usual:.3g} s"
             holds = table == "odometry" and c.log.odometry_kind in ("velocity", "path")
             setting = "nothing: max_gap in [sample] is the longest gap that is bridged"

@@ -102,10 +102,9 @@ def head_lines(path: Path, why: str, draft: Draft) -> list[str]:
 
 
 def _remark(f: Finding) -> str:
-    whose = " ".join(word for word in (f.robot, f"({Path(f.source).name})" * bool(f.source)) if word)
-    kind = f"FOUND ({f.sure}): {f.kind}{', ' * bool(whose)}{whose}"
+    whose = f"{f.kind}{', ' * bool(f.robot)}{f.robot}" + f" ({Path(f.source).name})" * bool(f.source)
     change = f"Nothing to change: {f.nothing}" if f.nothing else f"To change: {f.setting_of_columns}"
-    return _one_line(f"{kind}: {f.fact}. {change}")
+    return _one_line(f"FOUND ({f.sure}): {whose}: {f.fact}. {change}")
 
 
 # --- Settings that follow from the recording

@@ -207,6 +207,20 @@ def test_data_sets_are_runs_of_a_team_whose_models_are_fitted(data):
     assert {channel: len(readings.time) for channel, readings in log.readings.items()} == {"landmark": 3, "sighting": 2}
 
 
+def test_robots_of_a_data_set_may_be_chosen_and_places_stand_in_its_files(data):
+    (data / "log.toml").write_text('format = "mrclam"\nrobots = ["2"]')
+    log = TeamFolder(data).log(data.name)
+    assert (log.robots, [*log.readings]) == (("2",), ["landmark"])
+    assert any("of '1': neither a robot of the team nor a place" in line for line in log.warnings)
+    for text, said in (
+        ('robots = ["2", "6"]', "there is no robot '6'; known are 1, 2"),
+        ("[landmarks]\nplaces = { 5 = [0, 0] }", "has odometry, truth, readings and places in its files"),
+    ):
+        (data / "log.toml").write_text(f'format = "mrclam"\n{text}')
+        with pytest.raises(BadInput, match=said):
+            TeamFolder(data).log(data.name)
+
+
 def test_the_directory_may_be_that_of_the_data_set_or_the_one_above_it(data, tmp_path_factory):
     above = tmp_path_factory.mktemp("above")
     shutil.copytree(data, above / "MRCLAM_Dataset1")

@@ -5,6 +5,7 @@ import pytest
 
 from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.recordings import pyfg
+from cooploc.scenarios.recordings.schema import TeamDescription
 
 COV = "0.01 0 0 0.01 0 0.001"
 GRAPH = f"""\
@@ -27,10 +28,10 @@ EDGE_RANGE 10.0 L0 A0 2.2 0.04
 """
 
 
-def read_graph(folder, text=GRAPH):
+def read_graph(folder, text=GRAPH, description=None):
     path = folder / "graph.pyfg"
     path.write_text(text)
-    return pyfg.read_run(path, "graph", None)
+    return pyfg.read_run(path, "graph", description)
 
 
 def test_the_vertices_are_robots_their_truth_and_places(tmp_path):
@@ -41,6 +42,13 @@ def test_the_vertices_are_robots_their_truth_and_places(tmp_path):
     assert log.anchors.names == ("L0",)
     assert log.landmarks.names == ("L1",)
     np.testing.assert_allclose(log.landmarks.positions, [[4, 0]])
+
+
+def test_robots_of_a_graph_may_be_chosen(tmp_path):
+    log = read_graph(tmp_path, description=TeamDescription(format="pyfg", robots=("B",)))
+    assert (log.robots, log.readings) == (("B",), {})
+    with pytest.raises(BadInput, match="there is no robot 'C'; known are A, B"):
+        read_graph(tmp_path, description=TeamDescription(format="pyfg", robots=("B", "C")))
 
 
 def test_relative_poses_compose_to_odometry_from_the_origin(tmp_path):
