@@ -457,9 +457,11 @@ def read_run(place: Path, name: str, description: TeamDescription) -> TeamLog:
             yield csv_files.CsvRows(
                 topic, time[:, None], time + schema.values_of(source.clock_offset, who), who, what, values
             )
-        if is_reading and not seen:
-            names = source.topic or ", ".join(source.topics.values())
-            warnings.append(f"{place}: none of the topics {names} is in the bag")
+        unheard = [pair for pair in topics_of(source, d.robots, others) if pair[0] not in heard and pair[1] not in seen]
+        absent = [*{robot: topic for topic, robot, _ in reversed(unheard)}.values()]
+        absent = absent[-1:] * (not seen) if is_reading else absent[::-1]
+        there = [info.name for info in topics(place)[0]] if absent else []
+        warnings.extend(f"{place}: there is no topic {topic!r}; {nearest(topic, there)}" for topic in absent)
 
     home = homes[0] if homes else place.parent
     return csv_files.read_tables(place, csv_files.RunFiles(home, name, d, warnings, rows_of_topics))

@@ -174,6 +174,8 @@ class Source(Strict):
     def _is_somewhere(self) -> Self:
         if (self.file is None) == (self.topic is None and not self.topics):
             raise ValueError('state where it is: file = "..." (CSV), or topic = "..." (a bag)')
+        if self.file is None and "time" in self.model_fields_set:
+            raise ValueError("time is a column of CSV files; messages of a bag have their own stamps, remove it")
         if self.file is not None and (Path(self.file).is_absolute() or ".." in Path(self.file).parts):
             raise ValueError(f"file is {self.file!r}; name one inside the directory")
         if self.file is not None and self.names_robot and self.robot is not None:
@@ -310,6 +312,12 @@ class RangesTable(ReadingColumns):
     unit: Literal["m", "cm", "mm"] = "m"  # of a bag's values
     missing_from: Positive | None = None  # [m] a range of this or more is missing: some radios write 65.535
 
+    @model_validator(mode="after")
+    def _has_its_unit_once(self) -> Self:
+        if self.unit != "m" and (self.range or self.each):
+            raise ValueError(f'of a column it is range = {{ column = "...", unit = "{self.unit}" }}, and no other unit')
+        return self
+
 
 class RssiTable(ReadingColumns):
     """Received signal strength, of teammates or anchors."""
@@ -435,7 +443,7 @@ class TeamDescription(Strict):
     format: Format
     recordings: str = ""  # the directory that they are in, where that is not the one of log.toml
     about: str = ""
-    robots: tuple[Name, ...] = ()  # their names, in the order of the results; PyFG and MRCLAM name their own
+    robots: tuple[Name, ...] = ()  # their names, in the order of the results; of PyFG and MRCLAM all, if none is named
     arena: tuple[Place, Place] | None = None  # lower left and upper right corner [m]; else 2 m around all fixed things
     set_ups: tuple[str, ...] = ("*",)  # runs whose names match one pattern had the same hardware and site
     odometry: Odometry | None = None
@@ -468,7 +476,9 @@ class TeamDescription(Strict):
         if self.format not in ("csv", "bag"):
             if sources or self.anchors or self.landmarks:
                 said = "odometry, truth, readings and places"
-                raise ValueError(f'format = "{self.format}" has {said} in its files; correct them there, not in a table')
+                raise ValueError(
+                    f'format = "{self.format}" has {said} in its files; correct them there, not in a table'
+                )
             return self
         if not self.robots:
             raise ValueError('robots is missing; name them: robots = ["red", "blue"]')

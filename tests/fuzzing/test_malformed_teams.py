@@ -26,6 +26,7 @@ IN_TOML = [
     ('speed = "v"', "", "kind 'velocity' takes speed, turn_rate, not turn_rate"),
     ('speed = "v"', 'speed = "vv"', "there is no column 'vv'; did you mean 'v'"),
     ('speed = "v"', 'speed = { column = "v", unit = "knots" }', "unit 'knots' is not one of m/s"),
+    ('range = "d"', 'range = "d"\nunit = "cm"', 'of a column it is range = { column = "...", unit = "cm" }'),
     ('speed = "v"', 'speed = { name = "v" }', 'write a column as "name" or'),
     ('file = "odom_{robot}.csv"', 'file = "odom.csv"', "whose lines are they"),
     ('file = "odom_{robot}.csv"', 'file = "odo_{robot}.csv"', "has a file odo_{robot}.csv"),

@@ -123,6 +123,8 @@ def test_ranges_rssi_and_what_a_camera_saw_are_readings_in_si_units(team):
         ("/mocap/{robot}", "/uwb/red/{robot}", "topic /uwb/red/blue has range"),
         ('"velocity"', '"path"', "not 'path'; correct kind"),
         ("/rssi/{robot}/{other}", "/{robot}/odom", "not one number"),
+        ("/{robot}/odom", "/{robot}/odo", r"no robot has two .* no topic '/blue/odo'; did you mean '/blue/odom'"),
+        ('topic = "/{robot}/odom"', 'topic = "/{robot}/odom"\ntime = "t"', "time is a column of CSV files"),
     ],
 )
 def test_a_topic_that_does_not_fit_is_one_line(tmp_path, old, new, said):
@@ -130,6 +132,21 @@ def test_a_topic_that_does_not_fit_is_one_line(tmp_path, old, new, said):
     path, _ = made_bag(tmp_path, "mcap")
     with pytest.raises(BadInput, match=said):
         bags.read_run(path, "team", load(tmp_path, DESCRIPTION.replace(old, new, 1)))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("/mocap/{robot}", "/amcl/{robot}", ["there is no topic '/amcl/blue'; did you mean '/mocap/blue'?"]),
+        ("/uwb/{robot}/{other}", "/uw/{robot}/{other}", ["there is no topic '/uw/red/blue'; did you mean '/uwb/red/"]),
+    ],
+)
+def test_a_topic_that_is_not_there_is_named_with_the_nearest(tmp_path, old, new, said):
+    path, _ = made_bag(tmp_path, "mcap")
+    warnings = bags.read_run(path, "team", load(tmp_path, DESCRIPTION.replace(old, new, 1))).warnings
+    found = [line.partition(": ")[2] for line in warnings if "there is no topic" in line]
+    assert len(found) == len(said)
+    assert all(line.startswith(start) for line, start in zip(found, said, strict=True))
 
 
 def test_of_three_robots_a_reading_must_say_whom_it_measured(tmp_path):
