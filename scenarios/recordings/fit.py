@@ -442,8 +442,9 @@ def team_models(log: TeamLog, parts: Sequence[FitPart], how: FitSettings) -> Tea
     lacking += [n for n, v in models.notes.items() if n.endswith("_bias") and not np.isfinite(list(v.values())).all()]
     if lacking:
         lost = ", ".join(robot for robot, truth in zip(log.robots, log.truth, strict=True) if truth is None)
+        where = f"{names}{', without a truth of ' * bool(lost)}{lost}"
         raise BadInput(
-            f"run {log.name!r} is fitted on {names}{', without a truth of ' * bool(lost)}{lost}, too little for {', '.join(lacking)}: state them in [model] of "
+            f"run {log.name!r} is fitted on {where}, too little for {', '.join(lacking)}: state them in [model] of "
             'log.toml, or [fit] on = "first part" with seconds = ...'
         )
     return models
