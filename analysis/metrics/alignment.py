@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
+from cooploc.analysis.metrics.trajectory_bags import TRUTH
 from cooploc.analysis.metrics.trajectory_files import Team, Trajectory, read_team
 from cooploc.estimators.errors import BadInput, nearest
 from cooploc.estimators.interface import Array, Indices, Mask
@@ -55,7 +56,9 @@ def match_trajectories(
             raise BadInput(f"there is no {name} {value!r}; {nearest(value, list(known))}")
     if not estimates:
         raise BadInput("there are no estimates to judge: name a folder or bag")
-    true = read_team(truth)
+    word, _, rest = str(truth).partition("=")
+    place, of_truth = (Path(rest), word) if rest and not truth.exists() else (truth, TRUTH)
+    true = read_team(place, (), of_truth)
     teams = {name: read_team(Path(folder), list(true), name) for name, folder in estimates.items()}
     for name, team in teams.items():
         require_estimates(name, team, true)
@@ -72,7 +75,7 @@ def match_trajectories(
         remarks += said + path_remarks(name, team, true)
     first = next(iter(chosen.values()))
     remarks += filter(None, (_held_remark(robot, first[robot], path) for robot, path in paths.items()))
-    return Matched(truth.resolve().name, paths, chosen, tuple(shorten(remarks)))
+    return Matched(place.resolve().name, paths, chosen, tuple(shorten(remarks)))
 
 
 def shorten(remarks: Iterable[str]) -> Iterator[str]:
@@ -158,7 +161,8 @@ def require_estimates(name: str, team: Team, truth: Team) -> None:
             same.append(robot)
             moves += [robot] * bool(np.ptp(places, axis=0).max() > STANDING)
     if moves or (same and len(same) == len(truth)):
-        raise BadInput(f"{name}: poses of robot {(moves or same)[0]!r} are the true ones: name other files")
+        which = "name other files, or which of a bag's topics is true, as in --truth vicon=BAG"
+        raise BadInput(f"{name}: poses of robot {(moves or same)[0]!r} are the true ones: {which}")
 
 
 def align_team(

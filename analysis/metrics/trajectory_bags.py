@@ -45,7 +45,7 @@ class BagPoses(NamedTuple):
     """The poses of one robot, in the order of the bag."""
 
     topic: str
-    rows: Array  # (m, 13)  stamp [s], x [m], y [m], heading [rad], and their covariance (3, 3), zeros if not known
+    rows: Array  # (m, 14)  stamp [s], x, y, z [m], heading [rad], and its covariance with x, y (3, 3), 0 if not known
     is_named: bool  # whether the topic has the robot's name
 
 
@@ -144,10 +144,12 @@ def _topics_of_robots(place: Path, kinds: Mapping[str, str], robots: Sequence[st
     parts = {topic: topic.strip("/").split("/") for topic in kinds}
     true = [topic for topic in kinds if side_of(topic) == TRUTH and method not in {*parts[topic]} - {TRUTH}]
     own = (true if method == TRUTH else [topic for topic in kinds if topic not in true]) or [*kinds]
+    if len(robots) < 2 and method != TRUTH:
+        own = [topic for topic in own if method in parts[topic]] or own
     own = [topic for topic in own if kinds[topic] in WITH_COVARIANCE] or own
     topics: dict[str, list[str]] = {}
     for topic in own:
-        others = [part for part in parts[topic] if part != method] or parts[topic]
+        others = [part for part in parts[topic] if part != method] or ["robot"]
         for robot in [one for one in robots if one in parts[topic]] if robots else others[:1]:
             topics.setdefault(robot, []).append(topic)
     if len(robots) == len(own) == 1:  # whatever its name
@@ -156,6 +158,7 @@ def _topics_of_robots(place: Path, kinds: Mapping[str, str], robots: Sequence[st
         by_name = topics_by_robot(own)
         meant = match_names(by_name, robots) if robots else {name: name for name in by_name}
         topics = {meant[name]: [topic] for name, topic in by_name.items() if name in meant}
+        topics = topics or {robot: own for robot in robots if len(robots) == 1}
     for robot, several in topics.items():
         named = [topic for topic in several if method in parts[topic]]
         if len(several) > 1 and len(named) != 1:
@@ -175,16 +178,16 @@ def _collect_poses(bag: Bag, rows: dict[str, list[tuple[float, ...]]], kinds: Ma
             whole[topic] = raw
             continue
         message = bag.decode(raw, kinds[topic])
-        x, y, _, heading = KINDS[kinds[topic]].rows(message)[0][:4]
+        pose = KINDS[kinds[topic]].rows(message)[0][:4]
         C = np.asarray(message.pose.covariance if kinds[topic] in WITH_COVARIANCE else np.zeros(36), float)
         C = C.reshape(6, 6)[np.ix_([0, 1, 5], [0, 1, 5])]
         stamp = 1e-9 * (stamp_of(message) or received)
-        rows.setdefault(topic, []).append((stamp, x, y, heading, *C.ravel()))
+        rows.setdefault(topic, []).append((stamp, *pose, *C.ravel()))
     for topic, raw in whole.items():
         rows[topic] = []  # of several bags the last one's
         for one in bag.decode(raw, PATH).poses:
-            x, y, _, heading = KINDS["geometry_msgs/msg/PoseStamped"].rows(one)[0]
-            rows[topic].append((1e-9 * (stamp_of(one) or 0), x, y, heading, *np.zeros(9)))
+            pose = KINDS["geometry_msgs/msg/PoseStamped"].rows(one)[0]
+            rows[topic].append((1e-9 * (stamp_of(one) or 0), *pose, *np.zeros(9)))
 
 
 def _poses_of_frames(bags: Sequence[Bag]) -> dict[str, list[tuple[float, ...]]]:
@@ -212,7 +215,7 @@ def _poses_of_frames(bags: Sequence[Bag]) -> dict[str, list[tuple[float, ...]]]:
             name = re.sub(rf"(^|[/_])({'|'.join(BASES)})$", "", frame) or frame
             rows = _place_in_root([np.array(sorted(links[step])) for step in _steps_to_root(frame, parents)])
             own = owner if owner and len(frames_of_robots) == 1 else f"{owner}/{name}"
-            found[f"{own}/tf"] = [(*row, *np.zeros(9)) for row in rows.tolist()]
+            found[f"{own}/tf"] = [(*row[:3], 0.0, row[3], *np.zeros(9)) for row in rows.tolist()]
     return {name: rows for name, rows in found.items() if len(rows) > 1}
 
 
@@ -223,8 +226,8 @@ def _poses_of_models(bags: Sequence[Bag]) -> dict[str, list[tuple[float, ...]]]:
         for topic, received, raw in bag.messages([t for t, kind in bag.types.items() if kind == STATES]):
             message = bag.decode(raw, STATES)
             for name, pose in zip(message.name, message.pose, strict=True):
-                x, y, _, heading = KINDS["geometry_msgs/msg/Pose"].rows(pose)[0]
-                rows.setdefault(f"/{name}{topic}", []).append((1e-9 * received, x, y, heading, *np.zeros(9)))
+                at = KINDS["geometry_msgs/msg/Pose"].rows(pose)[0]
+                rows.setdefault(f"/{name}{topic}", []).append((1e-9 * received, *at, *np.zeros(9)))
     return {name: of for name, of in rows.items() if np.ptp(np.array(of)[:, 1:3], axis=0).max() > STILL}
 
 

@@ -223,7 +223,7 @@ def _poses_of_kitti(table: TextTable) -> Trajectory:
     return Trajectory(_count_lines(table), poses, np.full((len(poses), 3, 3), np.nan), (*table.notes, UNTIMED))
 
 
-def _require_flat(place: Path, xyz: Array) -> None:
+def _require_flat(place: Path | str, xyz: Array) -> None:
     """Refuse a path (T, 3) in a plane that stands upright, such as that of a camera, whose z points forward."""
     x, y, z = np.ptp(xyz, axis=0).tolist()
     if z > max(0.5, 0.3 * x, 0.3 * y) and min(x, y) < FLAT * z:
@@ -475,9 +475,10 @@ def _read_bag(place: Path, robots: Sequence[str], method: str) -> dict[str, Traj
     team = {}
     for robot, (topic, rows, is_named) in found.items():
         lines = TextTable(place, rows, np.arange(len(rows)))
-        P = _covariances(rows[:, 4:].reshape(-1, 3, 3), lines, f"{topic}, message")
+        _require_flat(f"{place}, {topic}", rows[:, 1:4])
+        P = _covariances(rows[:, 5:].reshape(-1, 3, 3), lines, f"{topic}, message")
         taken = () if is_named else (f"{place}: topic {topic} is taken for robot {robot!r}",)
-        team[robot] = _by_time(place, Trajectory(rows[:, 0], rows[:, 1:4], P, (*notes, *taken)))
+        team[robot] = _by_time(place, Trajectory(rows[:, 0], rows[:, [1, 2, 4]], P, (*notes, *taken)))
     return team
 
 

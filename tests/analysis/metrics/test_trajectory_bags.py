@@ -63,6 +63,27 @@ def test_topics_with_covariances_come_before_those_without(truth, tmp_path):
     assert rmse_of(judge_trajectories(truth, {"mine": bag})[0]) == expected_of()
 
 
+@pytest.mark.parametrize("true", ["groundtruth", "/amcl_pose", "/red/amcl_pose"])
+def test_one_robots_topics_need_not_have_its_name_and_a_word_says_which_is_true(tmp_path, true):
+    paths = {name: of["red"] for name, of in paths_of_all()[1].items()}
+    own = [poses(f"/{name}", POSE, paths[name]) for name in ("mine", "theirs")]
+    bag = write(tmp_path / "bag", *own, poses(true, POSE, paths["truth"]))
+    place = bag if true == "groundtruth" else f"amcl_pose={bag}"
+    found, _ = judge_trajectories(place, dict.fromkeys(("mine", "theirs"), bag))
+    errors = {method: error for (method, robot), error in expected(paths_of_all()[1]).items() if robot == "red"}
+    assert dict(zip(found["estimator"], found["rmse"], strict=True)) == errors
+    with pytest.raises(BadInput, match="are the true ones: name other files, or which of a bag's topics is true"):
+        judge_trajectories(place, {true.rpartition("/")[2]: bag})
+
+
+def test_poses_in_the_axes_of_a_camera_are_refused(tmp_path):
+    stamps, path = START + paths_of_all()[0], paths_of_all()[1]["truth"]["red"]
+    camera = [("/truth", POSE, s, pose_at(-y, 0.0, x, 0.0, "pose.")) for s, (x, y, _) in zip(stamps, path, strict=True)]
+    bag = write(tmp_path / "bag", camera, poses("/mine", POSE, path))
+    with pytest.raises(BadInput, match=r"bag, /truth: its path spans .* turn it so that z points up"):
+        judge_trajectories(bag, {"mine": bag})
+
+
 def test_of_a_damaged_bag_what_can_be_recovered_is_judged(truth, tmp_path):
     t, paths = paths_of_all()
     bag = write(tmp_path / "mine", *(poses(f"/{robot}/mine", ODOMETRY, paths["mine"][robot]) for robot in ROBOTS))
