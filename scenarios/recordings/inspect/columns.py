@@ -84,7 +84,7 @@ def read_csv(path: Path, name: str) -> CsvTable:
     once = {naming.name_meaning(name)[0] for name in head if name not in twice}
     if missed := next((name for name in head if name in twice and naming.name_meaning(name)[0] not in {"", *once}), ""):
         raise BadInput(f"{path}, line {line}: two columns are named {short_repr(missed)}; rename one")
-    patterns, robots = naming.columns_of_robots(head)
+    patterns, robots = naming.columns_of_robots(head, naming.ESTIMATES)
     whole = [] if plain else _whole_rows(path, head, line, rows)
     fields = plain.values.T if plain else zip(*whole, strict=True)
     columns: dict[str, Array | tuple[str, ...]] = {}

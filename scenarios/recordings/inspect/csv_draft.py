@@ -37,6 +37,7 @@ from cooploc.scenarios.recordings.inspect.table_parts import (
     find_sideways,
     list_columns,
     merge_parts,
+    name_estimates,
     parts_of,
     split_places,
     why_no_table,
@@ -46,7 +47,7 @@ from cooploc.scenarios.recordings.text_files import OTHER_TABLES, files_below, i
 
 REMEDY = "name the files odom_NAME.csv and truth_NAME.csv, or write log.toml by hand (docs/how-to/robots.md)"
 LOOKS = {
-    "odometry": "odometry (speeds and turn rates, poses, or steps), from which every estimator starts",
+    "odometry": "odometry (speeds and turn rates, poses with headings, or steps), from which every estimator starts",
     "truth": "truth (x and y)",
 }
 LOUDER = 8.0  # [dB] than what stands for no signal are all others
@@ -283,7 +284,7 @@ def _draft_run(folder: Path, data: Path) -> tuple[Draft, tuple[str, ...]]:
         unread = unread or _lack_of(needed, folder, files, lacking)
         if unread or needed == "odometry":
             raise BadInput(unread or f"{folder}: no file has columns that look like {LOOKS[needed]}; {REMEDY}")
-        unused.append(f"{needed}, as no file has columns that look like {LOOKS[needed]}")
+        unused.append(f"{needed}, as no file has columns that look like {LOOKS[needed]}{name_estimates(files)}")
     doubts += tuple(finding for part in parts for finding in find_sideways(part))
     robots = ("robot",) if runs else _robots(folder, parts)
     unused += [] if runs else _half_robots(parts, robots)
@@ -367,7 +368,8 @@ def _lack_of(needed: str, folder: Path, files: Sequence[CsvTable], lacking: Mapp
         of_wheels = next((guess for guess in file.guesses if guess.reason in naming.REMEDY.values()), None)
         if of_wheels and needed == "odometry":
             return f"{folder / file.name}: {of_wheels.column!r} is {of_wheels.reason}"
-        if known & {"speed", "turn_rate", "dx"} and not known & {"time", "sec"}:
+        of_it = known & {"speed", "turn_rate", "dx"} or needed in {guess.side for guess in file.guesses}
+        if of_it and not known & {"time", "sec"}:
             stamps = [f" ({g.reason})" for g in file.guesses if naming.name_meaning(g.column)[0] in ("time", "sec")]
             return f"{folder / file.name}: {NO_STAMPS}{''.join(stamps)}; add one, such as `time` [s]"
     return ""

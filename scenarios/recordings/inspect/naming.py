@@ -2,7 +2,7 @@
 
 import re
 import tomllib
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from importlib.resources import files as resources
 from itertools import pairwise, permutations, product
 from unicodedata import normalize
@@ -17,6 +17,7 @@ QUANTITY, SIDE, UNIT, OTHERS, REMEDY = (
 QUANTITY_OF_PAIR = {pair: quantity for quantity, of in _WORDS["pairs"].items() for pair in of}
 # Last words of what is not of a robot on a floor, or of a quaternion.
 AXES = {"turn_rate": (["x"], ["y"]), "speed": (["y"], ["z"]), "heading": (["x"], ["y"], ["w"])}
+ESTIMATES = {word for word, kind in OTHERS.items() if kind == "estimates"}
 ODOMETRY, TRUTH = ({word for word, of in SIDE.items() if of == side} for side in ("odometry", "truth"))
 CERTAIN = {*SIDE} - {"ground", "pos", "cap"}  # of these words that say it also in a file of the other side
 # Words in names of files and topics of what robots saw.
@@ -79,8 +80,8 @@ def is_anchor(column: str) -> bool:
 
 
 def is_estimate(name: str) -> bool:
-    """Return whether a file is what a filter wrote, and does not say that it is the truth; maps may be references."""
-    found = {word for word in words_of(name) if OTHERS.get(word) == "estimates"}
+    """Return whether a file or column is what a filter wrote, and not called the truth; maps may be references."""
+    found = ESTIMATES.intersection(words_of(name))
     return bool(found - {"slam", "cartographer", "gmapping"}) and side_of(name) != "truth"
 
 
@@ -102,14 +103,14 @@ def side_of(name: str) -> str:
 # --- Whose something is
 
 
-def columns_of_robots(head: Sequence[str]) -> tuple[dict[str, str], tuple[str, ...]]:
+def columns_of_robots(head: Sequence[str], others: Collection[str] = ()) -> tuple[dict[str, str], tuple[str, ...]]:
     """Return the columns of a file that has some for each robot, with {robot} in their names, and the robots.
 
     red_x, red_y, blue_x, blue_y are {robot}_x and {robot}_y of red and blue; d12 is d{robot}{other} of 1 and 2. Two
-    columns of motion or position must be there for every robot.
+    columns of motion or position must be there for every robot. No robot is called by a word of `others`.
     """
     words_at: dict[str, dict[str, str]] = {}  # pattern -> {robot: column}
-    no_names = {*QUANTITY, *SIDE, *UNIT, *(word for word, kind in OTHERS.items() if kind == "no_robots")}
+    no_names = {*QUANTITY, *SIDE, *UNIT, *(word for word, kind in OTHERS.items() if kind == "no_robots"), *others}
     for column in head:
         for match in re.finditer(r"\d+|[A-Za-z]+?(?=\d|[A-Z][a-z]|[^A-Za-z]|$)", column):
             if not (words := {*words_of(match[0])}) or words - no_names:

@@ -15,7 +15,7 @@ from cooploc.scenarios.recordings.schema import COLUMNS, UNITS
 
 READINGS = ("sightings", "ranges", "rssi")
 QUANTITIES = (("range", "bearing"), ("ahead", "left")), (("range",),), (("rssi",),)  # of each
-STAMPS = ("time", "sec", "nsec")
+STAMPS, PLANE = ("time", "sec", "nsec"), ("x", "y")
 NAMELESS = "numbers where the names of the columns should be"
 STRAIGHT = 0.02  # times the length of a path, its width
 NO_STAMPS = "no column of it holds stamps"
@@ -84,7 +84,8 @@ def parts_of(file: CsvTable, halves: bool = False) -> list[TablePart]:
             if table not in {part.table for part in parts}:
                 parts.append(TablePart(table, (file,), shared | {quantity: own[quantity]}, kind))
     has_truth = any(g.side == "truth" and g.quantity == "x" for g in left)
-    truth = first_columns(left, ("x", "y", "heading"), ("truth",) if has_truth else ("",))
+    own_truth = [g for g in left if has_truth or not naming.is_estimate(g.column)]
+    truth = first_columns(own_truth, ("x", "y", "heading"), ("truth",) if has_truth else ("",))
     if {"x", "y"} <= truth.keys() and not naming.is_estimate(Path(file.name).stem):
         parts.append(TablePart("truth", (file,), shared | truth))
     ways = [(table, way) for table, ways in zip(READINGS, QUANTITIES, strict=True) for way in ways]
@@ -182,6 +183,13 @@ def list_columns(names: Iterable[str]) -> str:
     for name in names:
         groups.setdefault(name.rstrip("0123456789"), []).append(name)
     return ", ".join(f"{some[0]} to {some[-1]}" if len(some) > 2 else ", ".join(some) for some in groups.values())
+
+
+def name_estimates(files: Sequence[CsvTable]) -> str:
+    """Return the end of a sentence on files without a truth: which of their columns are of a filter; "" without any."""
+    found = [g.column for file in files for g in file.guesses if g.quantity in PLANE and naming.is_estimate(g.column)]
+    columns = ", ".join(dict.fromkeys(found))
+    return f"; what a filter estimated is none ({columns}): if it is, name it in [truth]" * bool(found)
 
 
 def why_no_table(file: CsvTable, halves: bool = False) -> str:

@@ -6,7 +6,7 @@ import pytest
 from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.recordings.inspect.columns import read_csv
 from cooploc.scenarios.recordings.inspect.naming import file_pattern, name_meaning, pairs_with_places, pattern_of_mates
-from cooploc.scenarios.recordings.inspect.table_parts import list_columns, parts_of
+from cooploc.scenarios.recordings.inspect.table_parts import list_columns, name_estimates, parts_of
 
 LINES = 40
 ANGLE = np.linspace(0, 6, LINES)
@@ -89,6 +89,26 @@ def test_what_a_filter_estimated_is_no_truth(tmp_path, name, table):
     (tmp_path / f"{name}.csv").write_text("t,x,y\n" + "".join(f"{k},{k},{k}\n" for k in range(LINES)))
     parts = parts_of(read_csv(tmp_path / f"{name}.csv", f"{name}.csv"))
     assert [part.table for part in parts] == [table] * bool(table)
+
+
+@pytest.mark.parametrize(
+    ("columns", "truth"),
+    [
+        (["odom_x", "odom_y", "odom_theta", "ekf_x", "ekf_y", "ekf_theta", "pf_x", "pf_y", "pf_theta"], None),
+        (["v", "w", "x_est", "y_est", "theta_est"], None),
+        (["odom_x", "odom_y", "odom_theta", "pf_x", "pf_y", "ekf_x", "ekf_y", "gnss_x", "gnss_y"], "gnss_x"),
+        (["v", "w", "x_pred", "y_pred", "x_upd", "y_upd", "x_true", "y_true"], "x_true"),
+        (["v", "w", "slam_x", "slam_y"], "slam_x"),  # it may be the reference
+    ],
+)
+def test_columns_of_a_filters_estimates_are_no_truth_and_no_robots(tmp_path, columns, truth):
+    lines = (",".join(f"{k * np.sin(j + 1):.4f}" for j in range(len(columns))) for k in range(LINES))
+    text = "\n".join([f"t,{','.join(columns)}", *(f"{k},{line}" for k, line in enumerate(lines))])
+    (tmp_path / "red.csv").write_text(text + "\n")
+    file = read_csv(tmp_path / "red.csv", "red.csv")
+    assert file.robots == ()
+    assert [part.columns["x"].column for part in parts_of(file) if part.table == "truth"] == [truth] * bool(truth)
+    assert name_estimates([file]).startswith("; what a filter estimated is none") == (truth not in ("slam_x",))
 
 
 def test_a_tag_measures_anchors_and_not_the_other_way_round(tmp_path):
