@@ -46,6 +46,7 @@ from cooploc.scenarios.recordings.inspect.naming import (
     columns_of_robots,
     file_pattern,
     is_on_globe,
+    is_second_choice,
     letters_of,
     match_names,
     name_meaning,
@@ -315,8 +316,10 @@ def _columns_of(
     guesses = infer_columns(table._replace(name=f"{TRUTH}/{path.name}") if table.is_nameless else table)
     both = len({guess.side == TRUTH for guess in guesses if guess.quantity == "x"}) == 2
     wanted = [g for g in guesses if not both or g.quantity not in PLACED or (g.side == TRUTH) == (method == TRUTH)]
-    # Of odom_x and ekf_x that of the method comes first, and that of odometry last.
-    wanted.sort(key=lambda g: (method not in re.split(r"[\W_]", g.column), g.side == "odometry"))
+    # Of odom_x and ekf_x that of the method comes first, and those of odometry and of what was wanted last.
+    wanted.sort(
+        key=lambda g: (method not in re.split(r"[\W_]", g.column), g.side == "odometry", is_second_choice(g.column))
+    )
     known = {guess.quantity: guess for guess in reversed(wanted)}
     if missing := [quantity for quantity in ("x", "y") if quantity not in known]:
         remedy = "write their names above: stamp,x,y,heading" if table.is_nameless else "name one so"

@@ -24,8 +24,8 @@ from cooploc.scenarios.recordings.inspect.csv_draft import column_entry, frame_e
 from cooploc.scenarios.recordings.inspect.draft_toml import Draft, DraftTable, Entry
 from cooploc.scenarios.recordings.inspect.naming import (
     CERTAIN,
+    ESTIMATES,
     ODOMETRY,
-    OTHERS,
     SEEN,
     TRUTH,
     clean_name,
@@ -50,7 +50,6 @@ SPEED = {"Odometry": "twist.twist.linear.x", "TwistWithCovarianceStamped": "twis
 SPEED |= {"TwistStamped": "twist.linear.x", "Twist": "linear.x"}  # type -> field
 STATES = TRUTH & CERTAIN  # words by which a topic of Odometry is the truth, as of a simulator
 NO_MEASUREMENTS = ("std_msgs", "rcl_interfaces", "rosgraph_msgs", "diagnostic_msgs", "tf2_msgs", "visualization_msgs")
-ESTIMATES = {word for word, kind in OTHERS.items() if kind == "estimates"}  # in names of topics that a filter writes
 VISUAL = ODOMETRY | {"slam", "orb", "vio", "vins", "vo"}  # in names of topics with poses that drift as odometry does
 # type -> fields of position and orientation
 PLACE = {"PoseStamped": ("pose.position", "pose.orientation"), "Pose": ("position", "orientation")}

@@ -18,6 +18,7 @@ QUANTITY_OF_PAIR = {pair: quantity for quantity, of in _WORDS["pairs"].items() f
 # Last words of what is not of a robot on a floor, or of a quaternion.
 AXES = {"turn_rate": (["x"], ["y"]), "speed": (["y"], ["z"]), "heading": (["x"], ["y"], ["w"])}
 ESTIMATES = {word for word, kind in OTHERS.items() if kind == "estimates"}
+NO_ROBOTS = "no_robots", "second_choice"
 ODOMETRY, TRUTH = ({word for word, of in SIDE.items() if of == side} for side in ("odometry", "truth"))
 CERTAIN = {*SIDE} - {"ground", "pos", "cap"}  # of these words that say it also in a file of the other side
 # Words in names of files and topics of what robots saw.
@@ -85,6 +86,11 @@ def is_estimate(name: str) -> bool:
     return bool(found - {"slam", "cartographer", "gmapping"}) and side_of(name) != "truth"
 
 
+def is_second_choice(column: str) -> bool:
+    """Return whether a column says what was wanted or is not processed: it counts where no other has the quantity."""
+    return "second_choice" in map(OTHERS.get, words_of(column))
+
+
 def is_on_globe(column: str) -> bool:
     """Return whether a column holds degrees on the globe."""
     return bool({*words_of(column)} & {*_WORDS["others"]["globe"].split()})
@@ -110,7 +116,7 @@ def columns_of_robots(head: Sequence[str], others: Collection[str] = ()) -> tupl
     columns of motion or position must be there for every robot. No robot is called by a word of `others`.
     """
     words_at: dict[str, dict[str, str]] = {}  # pattern -> {robot: column}
-    no_names = {*QUANTITY, *SIDE, *UNIT, *(word for word, kind in OTHERS.items() if kind == "no_robots"), *others}
+    no_names = {*QUANTITY, *SIDE, *UNIT, *(word for word, kind in OTHERS.items() if kind in NO_ROBOTS), *others}
     for column in head:
         for match in re.finditer(r"\d+|[A-Za-z]+?(?=\d|[A-Z][a-z]|[^A-Za-z]|$)", column):
             if not (words := {*words_of(match[0])}) or words - no_names:

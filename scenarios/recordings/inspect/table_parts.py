@@ -19,6 +19,7 @@ STAMPS, PLANE = ("time", "sec", "nsec"), ("x", "y")
 NAMELESS = "numbers where the names of the columns should be"
 STRAIGHT = 0.02  # times the length of a path, its width
 NO_STAMPS = "no column of it holds stamps"
+MOTION = ("x", "y", "heading", "speed", "turn_rate")
 KINDS = ("velocity", "path", "increment", "displacement", "pose")  # of odometry; the first whose columns a file has
 
 # Of odometry in two files, speeds in one and turns in the other: quantity -> its table, and the kind of odometry.
@@ -215,9 +216,16 @@ def why_no_table(file: CsvTable, halves: bool = False) -> str:
 def first_columns(
     guesses: Sequence[Guess], quantities: Sequence[str], sides: Sequence[str] = ("", "truth", "odometry")
 ) -> dict[str, Guess]:
-    """Return the first column of each quantity on some sides."""
-    found = {g.quantity: g for g in reversed(guesses) if g.side in sides}
-    return {q: found[q] for q in quantities if q in found}
+    """Return the first column of each quantity on some sides; of motion a plain one, such as x, before e_x.
+
+    Of second choice are those that were wanted, and a heading of these is none of a place that was measured.
+    """
+    plain = {g.column for g in guesses if g.quantity in MOTION and naming.is_plain(g.column)}
+    ordered = sorted(guesses, key=lambda g: (naming.is_second_choice(g.column), g.column not in plain))
+    found = {g.quantity: g for g in reversed(ordered) if g.side in sides}
+    second = {q for q, g in found.items() if naming.is_second_choice(g.column)}
+    lost = {"heading"} & second if {"x", "y"} & (found.keys() - second) else set[str]()
+    return {q: found[q] for q in quantities if q in found.keys() - lost}
 
 
 def _smaller_unit(one: Guess, other: Guess) -> Guess:

@@ -601,6 +601,14 @@ def test_of_poses_with_one_stamp_the_first_counts_and_columns_like_hats_are_plac
     assert notes[0] == "mine.csv: left out 100 poses with the stamp of another"
 
 
+def test_errors_and_what_was_wanted_beside_poses_are_no_poses():
+    t, paths = paths_of_all()
+    true, mine = (frame_of(t, paths[name]["red"]) for name in ("truth", "mine"))
+    beside = pd.DataFrame(dict.fromkeys(("error_x", "error_y", "ref_x", "ref_y", "goal_x"), 9.0), index=mine.index)
+    found, _ = judge_trajectories(true, {"mine": pd.concat([beside, mine], axis=1)})
+    assert found["rmse"].item() == expected(paths)["mine", "red"]
+
+
 def test_a_flag_names_no_method(tmp_path):
     t, paths = paths_of_all()
     true, mine = (frame_of(t, paths[name]["red"]).assign(seen=t > 5.0) for name in ("truth", "mine"))

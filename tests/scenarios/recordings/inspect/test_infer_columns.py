@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cooploc.estimators.errors import BadInput
-from cooploc.scenarios.recordings.inspect.columns import read_csv
+from cooploc.scenarios.recordings.inspect.columns import CsvTable, read_csv
 from cooploc.scenarios.recordings.inspect.naming import file_pattern, name_meaning, pairs_with_places, pattern_of_mates
 from cooploc.scenarios.recordings.inspect.table_parts import list_columns, name_estimates, parts_of
 
@@ -109,6 +109,25 @@ def test_columns_of_a_filters_estimates_are_no_truth_and_no_robots(tmp_path, col
     assert file.robots == ()
     assert [part.columns["x"].column for part in parts_of(file) if part.table == "truth"] == [truth] * bool(truth)
     assert name_estimates([file]).startswith("; what a filter estimated is none") == (truth not in ("slam_x",))
+
+
+@pytest.mark.parametrize(
+    ("columns", "chosen"),
+    [
+        (["x_des", "y_des", "v_des", "w_des", "x", "y", "yaw", "v", "w"], ["v", "w", "x", "y", "yaw"]),
+        (["goal_x", "goal_y", "err_x", "err_y", "e_x", "e_y", "x", "y", "v", "w"], ["v", "w", "x", "y"]),
+        (["cmd_v", "cmd_w", "v", "w", "x", "y", "theta_ref"], ["v", "w", "x", "y"]),  # not the heading that was wanted
+        (["cmd_v", "w", "ref_x", "ref_y", "ref_yaw"], ["cmd_v", "w", "ref_x", "ref_y", "ref_yaw"]),  # there is no other
+        (["raw_v", "v", "w", "prev_x", "prev_y", "x", "y"], ["v", "w", "x", "y"]),
+        (["gt_x_err", "gt_y_err", "gt_x", "gt_y", "v", "w"], ["v", "w", "gt_x", "gt_y"]),
+    ],
+)
+def test_what_was_measured_comes_before_what_was_wanted_and_errors_are_nothing(tmp_path, columns, chosen):
+    found = guessed(tmp_path, {"t": range(LINES), **{name: np.sin(range(LINES)) + k for k, name in enumerate(columns)}})
+    file = CsvTable("red.csv", {}, tuple(found.values()))
+    parts = {part.table: part.columns for part in parts_of(file)}
+    motion = [parts["odometry"][q].column for q in ("speed", "turn_rate")]
+    assert motion + [parts["truth"][q].column for q in ("x", "y", "heading") if q in parts["truth"]] == chosen
 
 
 def test_a_tag_measures_anchors_and_not_the_other_way_round(tmp_path):
