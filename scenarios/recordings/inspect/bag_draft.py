@@ -42,6 +42,8 @@ from cooploc.scenarios.recordings.radio_nodes import NodeRanges, assign
 from cooploc.scenarios.recordings.team_log import Series
 from cooploc.scenarios.recordings.text_files import files_below
 
+# Words of topics whose poses are odometry, estimates, or were wanted.
+NOT_TRUE = ODOMETRY | ESTIMATES | {"goal", "goals", "waypoint", "setpoint", "target", "desired", "plan", "initialpose"}
 RANGE, IMU = "sensor_msgs/msg/Range", "sensor_msgs/msg/Imu"
 FRAME = "header.frame_id"
 # Usual types that are read by their fields.
@@ -120,10 +122,9 @@ def bag_draft(path: Path) -> Draft:
 
 
 def _poses(found: Mapping[str, TopicInfo], wheels: Collection[str], states: Collection[str]) -> list[str]:
-    """Return the topics of poses that may be true: of `states`, or neither odometry nor what a filter estimated."""
+    """Return the topics of poses that may be true: of `states`, or neither odometry, an estimate nor a goal."""
     poses = [name for name, t in found.items() if "x [m]" in t.columns and "PoseArray" not in t.type]
-    others = ODOMETRY | ESTIMATES
-    return [n for n in poses if n not in wheels and (n in states or not others & {*words_of(n)})]
+    return [n for n in poses if n not in wheels and (n in states or not NOT_TRUE & {*words_of(n)})]
 
 
 def _truth_topics(wheels: Collection[str], poses: Sequence[str], states: Collection[str]) -> dict[str, str]:
@@ -280,7 +281,7 @@ def _truth_of_fields(of_fields: Mapping[str, CsvTable], robots: Sequence[str]) -
     why, about = "its messages have places", dict[str, dict[str, Guess]]()
     for topic, table in of_fields.items():
         own = first_columns(table.guesses, ("x", "y", "heading"))
-        if not {"x", "y"} <= own.keys() or (ODOMETRY | ESTIMATES) & {*words_of(topic)}:
+        if not {"x", "y"} <= own.keys() or NOT_TRUE & {*words_of(topic)}:
             continue
         column = next((g.column for g in table.guesses if g.quantity == "robot" or "child_frame_id" in g.column), "")
         if not column:

@@ -69,6 +69,11 @@ def truth_of_a_simulator(folder):
             made_bag(folder, "ros1", SECONDS, name=f"{robot}_{named}", names={f"/{robot}/odom": topic})
 
 
+def goals_beside_true_poses(folder):
+    names = {topic: f"/{topic.rpartition('/')[2]}/pose" for topic in MOCAP} | {"/amcl/red": "/red/goal_pose"}
+    made_bag(folder, "mcap", SECONDS, names=names | {f"/{robot}/odom": f"/{robot}/odom" for robot in ("red", "blue")})
+
+
 HABITS = [
     own_names,
     same_names,
@@ -77,6 +82,7 @@ HABITS = [
     truth_in_a_folder_beside_one_bag,
     truth_beside_a_bag_with_notes_in_it,
     truth_of_a_simulator,
+    goals_beside_true_poses,
 ]
 
 
@@ -90,6 +96,7 @@ def test_every_robot_has_its_odometry_and_its_truth(habit, tmp_path):
     for robot, odometry, truth in zip(found.log.robots, found.log.odometry, found.log.truth, strict=True):
         assert robot in odometry.source
         assert robot in truth.source
+        assert "goal" not in truth.source
         assert ("truth" in odometry.source, len(odometry.time), len(truth.time)) == (False, 300, 300)
         angle = 0.1 * (truth.time - START) + (0.0 if robot == "red" else np.pi)
         np.testing.assert_allclose(truth.values[:, 0], 2 * np.cos(angle), atol=0.002)
