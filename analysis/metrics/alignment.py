@@ -59,7 +59,13 @@ def match_trajectories(
     word, _, rest = str(truth).partition("=")
     place, of_truth = (Path(rest), word) if rest and not truth.exists() else (truth, TRUTH)
     true = read_team(place, (), of_truth)
-    teams = {name: read_team(Path(folder), list(true), name) for name, folder in estimates.items()}
+    teams = dict[str, Team]()
+    for name, folder in estimates.items():
+        try:
+            teams[name] = read_team(Path(folder), list(true), name)
+        except BadInput as e:
+            remedy = f"; if other columns or topics are true, name them: --truth WORD={place}"
+            raise BadInput(f"{e}{remedy * (Path(folder) == place and of_truth == TRUTH)}") from None
     for name, team in teams.items():
         require_estimates(name, team, true)
     matched = {robot: _common(robot, true[robot], teams, largest) for robot in true}

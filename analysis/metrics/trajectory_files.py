@@ -267,15 +267,21 @@ def _read_csv(path: Path, method: str) -> dict[str, Trajectory]:
     text = read_text(path)
     head = split_fields(text[:100_000])[0]
     patterns, robots = columns_of_robots(head)
-    found = {}
-    if method in robots:  # x_mine beside x_theirs
-        robots = (method,)
-    elif method == TRUTH and any((*name_meaning(name)[::2],) == ("x", TRUTH) for name in {*head} - {*patterns}):
+    found, own = {}, next((robot for robot in robots if robot.lower() == method.lower()), "")
+    if own:  # x_mine beside x_theirs
+        robots = (own,)
+    elif any(_is_x_of(name, method) for name in {*head} - {*patterns}):
         return _read_columns(path, text, method, patterns)  # x_gt beside them
     for robot in robots:
         named = {column: pattern for column, pattern in patterns.items() if pattern.replace("{robot}", robot) == column}
         found[robot] = _read_columns(path, text, method, {*patterns} - {*named}, named)[""]
-    return {"": found[method]} if method in robots else found or _read_columns(path, text, method)
+    return {"": found[own]} if own else found or _read_columns(path, text, method)
+
+
+def _is_x_of(name: str, method: str) -> bool:
+    """Return whether a column is x of a method or of the truth, by its words."""
+    quantity, _, side = name_meaning(name)
+    return quantity == "x" and method.lower() in {side, *re.split(r"[\W_]", name.lower())}
 
 
 def _columns_of(
@@ -303,7 +309,11 @@ def _columns_of(
             continue
         words = {fields[k] for fields in whole}
         is_flag = {word.lower() for word in words} <= {"true", "false"}
-        if own := {word for word in words if word == method or (method == TRUTH == side_of(word) and not is_flag)}:
+        if own := {
+            word
+            for word in words
+            if word.lower() == method.lower() or (method == TRUTH == side_of(word) and not is_flag)
+        }:
             of_method = {name: own}
         else:
             columns[name] = some
@@ -318,7 +328,11 @@ def _columns_of(
     wanted = [g for g in guesses if not both or g.quantity not in PLACED or (g.side == TRUTH) == (method == TRUTH)]
     # Of odom_x and ekf_x that of the method comes first, and those of odometry and of what was wanted last.
     wanted.sort(
-        key=lambda g: (method not in re.split(r"[\W_]", g.column), g.side == "odometry", is_second_choice(g.column))
+        key=lambda g: (
+            method.lower() not in re.split(r"[\W_]", g.column.lower()),
+            g.side == "odometry",
+            is_second_choice(g.column),
+        )
     )
     known = {guess.quantity: guess for guess in reversed(wanted)}
     if missing := [quantity for quantity in ("x", "y") if quantity not in known]:

@@ -656,6 +656,19 @@ def test_of_columns_of_odometry_and_of_a_filter_those_of_the_method_count(tmp_pa
         assert errors[key] == [expected(paths)[method, robot] for robot in sorted(ROBOTS)]
 
 
+def test_a_word_says_which_columns_are_true_and_methods_in_any_case(tmp_path):
+    t, paths = paths_of_all()
+    of = {"gnss": "truth", "PF": "mine", "odom": "theirs", "EKF": "mine"}
+    parts = [frame_of(t, paths[of[name]]["red"]).drop(columns="t").add_prefix(f"{name}_") for name in of]
+    place = tmp_path / "red.csv"
+    pd.concat([pd.DataFrame({"t": t}), *parts], axis=1).to_csv(place, index=False)
+    found, _ = judge_trajectories(f"gnss={place}", dict.fromkeys(("pf", "odom", "ekf"), place))
+    for method, key in (("pf", "mine"), ("odom", "theirs"), ("ekf", "mine")):
+        assert found.loc[found["estimator"] == method, "rmse"].item() == expected(paths)[key, "red"]
+    with pytest.raises(BadInput, match="if other columns or topics are true, name them: --truth WORD="):
+        judge_trajectories(place, {"pf": place})
+
+
 def test_columns_of_the_truth_beside_an_estimate_are_of_the_truth_alone(tmp_path):
     t, paths = paths_of_all()
     del paths["theirs"]
