@@ -376,6 +376,9 @@ def _read_columns(
     P, is_diagonal = _matrices_of(values[:, n + len(turns) :], entries)
     if is_diagonal:
         notes += (f"{path}: no columns have covariances beside the diagonal: they count as 0",)
+    places = {n for n in (*head, *others) if name_meaning(n)[0] == "x" and side_of(n) != TRUTH}
+    if entries and places - {placed[0].column} and method != TRUTH:
+        notes += (f"{path}: {entries[0][-1]} does not say of which x it is: it counts for {placed[0].column}",)
     if CsvTable(path.name, dict.fromkeys(head, ())).is_nameless:
         means = {column: quantity for quantity, guess in own.items() for column in guess.quaternion or (guess.column,)}
         taken = ", ".join(f"{name} for {means.get(name) or 'nothing'}" for name in head)

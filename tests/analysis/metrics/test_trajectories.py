@@ -662,11 +662,15 @@ def test_a_word_says_which_columns_are_true_and_methods_in_any_case(tmp_path):
     parts = [frame_of(t, paths[of[name]]["red"]).drop(columns="t").add_prefix(f"{name}_") for name in of]
     place = tmp_path / "red.csv"
     pd.concat([pd.DataFrame({"t": t}), *parts], axis=1).to_csv(place, index=False)
-    found, _ = judge_trajectories(f"gnss={place}", dict.fromkeys(("pf", "odom", "ekf"), place))
+    found, notes = judge_trajectories(f"gnss={place}", dict.fromkeys(("pf", "odom", "ekf"), place))
     for method, key in (("pf", "mine"), ("odom", "theirs"), ("ekf", "mine")):
+        assert not any("does not say of which x" in note for note in notes)
         assert found.loc[found["estimator"] == method, "rmse"].item() == expected(paths)[key, "red"]
     with pytest.raises(BadInput, match="if other columns or topics are true, name them: --truth WORD="):
         judge_trajectories(place, {"pf": place})
+    pd.read_csv(place).assign(sigma_x=1.0, sigma_y=1.0).to_csv(place, index=False)
+    _, notes = judge_trajectories(f"gnss={place}", {"odom": place})
+    assert any(note.endswith("sigma_x does not say of which x it is: it counts for odom_x") for note in notes)
 
 
 def test_columns_of_the_truth_beside_an_estimate_are_of_the_truth_alone(tmp_path):
