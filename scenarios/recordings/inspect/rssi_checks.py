@@ -1,6 +1,7 @@
 """Checks of signal strength against the truth: it falls with the logarithm of distance, alike for all radios."""
 
 import numpy as np
+import pandas as pd
 
 from cooploc.estimators.interface import Array
 from cooploc.scenarios.recordings.inspect import motion
@@ -8,20 +9,28 @@ from cooploc.scenarios.recordings.inspect.findings import EVIDENCE, LEAST_DELAY,
 from cooploc.scenarios.recordings.team_log import Channel, ReadingSeries, TeamLog, other_names
 
 CHANNELS: tuple[Channel, ...] = ("rssi", "anchor_rssi")
+RANGES: dict[Channel, Channel] = {"rssi": "range", "anchor_rssi": "anchor_range"}
 SHARE, ABOVE = 0.03, 3.0  # of readings, and times those of the next value, that equal the lowest: a floor
 USUAL = (10.0, 80.0)  # [dB] by which signals fall in ten times the distance: exponents of 1 to 8
 DEVICE = 3.0  # [dB] by which radios differ from each other
 SHARPER = 0.97  # times the spread, from which a shift of stamps is believed: noise is large, and distances are smooth
 VARIED = 0.02  # of log10 of distances, from which signals can fall with them
+LEVELS = 20  # of signals at least, of which ranges may be a function
 INDEPENDENT = 5  # readings of a radio, as one says much of the next
 
 
 def check_rssi(c: CheckedLog) -> None:
-    """Find signal strengths with a floor, that fall otherwise than by distance, of unlike radios, or late."""
+    """Find signal strengths with a floor, of another fall than with distance, of unlike radios, late, or as ranges."""
     for channel in CHANNELS:
-        readings = c.log.readings.get(channel)
+        readings, ranges = c.log.readings.get(channel), c.log.readings.get(RANGES[channel])
         if readings is None or len(readings.time) < motion.FEWEST:
             continue
+        if ranges is not None and _is_function(ranges, readings):
+            fact = (
+                "ranges follow from the signals, without any noise of their own: they were computed from them, perhaps"
+            )
+            setting = "remove this table: filters would count one measurement twice"
+            c.add("signals", None, ranges.source, fact, "likely", setting, motion.TABLES[RANGES[channel]])
         values, counts = np.unique(readings.values[:, 0], return_counts=True)
         if len(values) > 2 and counts[0] > max(SHARE * counts.sum(), ABOVE * counts[1:3].max()):
             fact = (
@@ -65,6 +74,16 @@ def check_rssi(c: CheckedLog) -> None:
                 setting = "nothing: subtract that in the files, if radios or their antennas differ"
                 c.add("signals", None, readings.source, fact, "likely", setting)
                 residual = residual - off[owner]
+
+
+def _is_function(ranges: ReadingSeries, signals: ReadingSeries) -> bool:
+    """Return whether each range of the same lines is longer where the signal is weaker, but for rounding."""
+    one, other = (
+        pd.DataFrame({"time": r.time, "robot": r.robot, "other": r.other, name: r.values[:, 0]})
+        for r, name in ((ranges, "range"), (signals, "signal"))
+    )
+    both = one.merge(other).sort_values(["signal", "range"], ascending=[True, False])
+    return both["signal"].nunique() > LEVELS and bool((both["range"].diff().dropna() <= 0).mean() > 0.999)
 
 
 def _fit(distance: Array, values: Array) -> tuple[Array, float, float]:

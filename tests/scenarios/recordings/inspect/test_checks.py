@@ -332,3 +332,14 @@ def test_signals_that_fall_otherwise_than_by_distance_are_found(change, fact, se
     (ax,) = finding(found, log, log).axes
     assert [line.get_label() for line in ax.lines] == [*log.robots]
     assert (ax.get_xscale(), ax.get_ylabel()) == ("log", "signal strength [dBm]")
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.1])
+def test_ranges_that_were_computed_from_signals_are_told_from_measured_ones(noise):
+    log = team_log("trajectory", 4)
+    signals = log.readings["rssi"]
+    far = 10 ** ((-40 - signals.values) / 20) * np.random.default_rng(0).lognormal(0, noise, signals.values.shape)
+    ranges = signals._replace(values=far.round(2), source="range")
+    found = findings(log._replace(readings={"rssi": signals, "range": ranges}))
+    follow = [one.change for one in found if "ranges follow from the signals" in one.fact]
+    assert follow == ["[ranges] remove this table: filters would count one measurement twice"] * (noise == 0)
