@@ -73,7 +73,9 @@ PLACED = "x", "y", "heading"  # quantities that the truth has beside an estimate
 AXES = {"x": 0, "y": 1, **dict.fromkeys(("h", "th", "theta", "yaw", "phi", "psi", "heading"), 2)}  # rows of P
 OF_ROS = {0: 0, 1: 1, 5: 2}  # rows of P by those of ROS's 6 x 6
 _AXIS, _DEVIATION = "|".join(AXES), "sigma|std|stddev|sd"
-ENTRY = re.compile(rf"(?:pose|position)?((p|c)|cov|covariance|var|variance|{_DEVIATION})?({_AXIS})({_AXIS})?")
+_MEASURE = f"cov|covariance|var|variance|{_DEVIATION}"
+ENTRY = re.compile(rf"((p|c)|{_MEASURE})?({_AXIS})({_AXIS})?")
+OF_PLACES = {"pose", "position", "pos"}  # words before an axis
 NUMBERED = re.compile(r"(?:.*[^a-z])?(p|c|cov|sigma)[\W_]{0,2}(\d)[\W_]*(\d)\W?", re.IGNORECASE)  # P01, cov[0][1]
 OTHER_UNITS = {"mm", "cm", "deg", "degs", "degree", "degrees"}  # than m and rad
 KITTI = 12  # numbers in a line: the upper three rows of a 4 x 4 matrix
@@ -453,14 +455,15 @@ def _letter_rows(head: Mapping[str, str]) -> dict[str, str]:
 def _entry_of(named: str, column: str) -> CovarianceColumn | None:
     """Return whether a column is of a covariance, or of a standard deviation, and the row and the column of its entry.
 
-    By its name: xx, Pxy, cov_yy, var_x, sigma_x, std_theta, or covariance7 and covariance[7] of ROS's 36.
+    By its name: xx, Pxy, cov_yy, var_x, sigma_x, pos_x_std, or covariance7 and covariance[7] of ROS's 36.
     """
     plain = re.sub(r"[\[(]\D.*", "", named.replace("{robot}", ""))
     if numbered := re.search(r"covariance[^a-z\d]?(\d+)\W?$", plain):
         row, other = (OF_ROS.get(k, -1) for k in divmod(int(numbered[1]), 6))
         return (True, row, other, column) if "twist" not in plain and 0 <= row <= other else None
-    letters = "".join(word for word in words_of(plain) if word not in OTHER_UNITS)
-    entry = ENTRY.fullmatch(letters) if not re.search(r"\d", plain) else None
+    words = [word for word in words_of(plain) if word not in OTHER_UNITS | OF_PLACES]
+    words = words[-1:] + words[:-1] if re.fullmatch(_MEASURE, "".join(words[-1:])) else words
+    entry = ENTRY.fullmatch("".join(words)) if not re.search(r"\d", plain) else None
     if not entry or not (entry[4] or (entry[1] and not entry[2])):
         return None
     row, other = sorted((AXES[entry[3]], AXES[entry[4] or entry[3]]))

@@ -49,6 +49,7 @@ def name_meaning(column: str) -> tuple[str, str, str]:
     """Return quantity, unit and side by a column's name, "" where unknown; a unit that does not fit is left out."""
     inside = re.search(r"[\[(]([^\])]*)[\])]", column.replace("°", "deg"))
     plain = re.sub(r"[\[(][^\])]*[\])]", " ", column)
+    plain = re.sub(r"^(\W*p)_[A-Z]+_[A-Z]_", r"\1_", plain)  # p_WS_W_x is of a frame S, in one called W
     words = words_of(plain)
     pair = next((f"{a} {b}" for a, b in pairwise(words) if f"{a} {b}" in QUANTITY_OF_PAIR), "")
     known = [QUANTITY[word] for word in words if word in QUANTITY]

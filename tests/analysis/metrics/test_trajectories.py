@@ -170,9 +170,9 @@ def test_covariances_in_the_robots_axes_are_noticed_and_turned(honest, tmp_path)
     assert turned["anees"].item() == pytest.approx(straight["anees"].item(), rel=0.05)
 
 
-def as_euroc(t, x):
+def as_euroc(t, x, frames="RS_R"):
     half, zero = x[:, 2] / 2, np.zeros(len(t))
-    names = ["#timestamp [ns]", "p_RS_R_x [m]", "p_RS_R_y [m]", "p_RS_R_z [m]", *(f"q_RS_{q} []" for q in "wxyz")]
+    names = ["#timestamp [ns]", *(f"p_{frames}_{axis} [m]" for axis in "xyz"), *(f"q_RS_{q} []" for q in "wxyz")]
     return dict(zip(names, [1e9 * t, x[:, 0], x[:, 1], zero, np.cos(half), zero, zero, np.sin(half)], strict=True))
 
 
@@ -180,6 +180,7 @@ def as_euroc(t, x):
     "columns",
     [
         as_euroc,
+        lambda t, x: as_euroc(t, x, "WS_W"),
         lambda t, x: {
             "Time (ms)": 1e3 * t,
             "x_mm": 1e3 * x[:, 0],
@@ -188,7 +189,7 @@ def as_euroc(t, x):
         },
         lambda t, x: {"t": 1e9 * t, "x": x[:, 0], "y": x[:, 1], "qz": np.sin(x[:, 2] / 2), "qw": np.cos(x[:, 2] / 2)},
     ],
-    ids=["EuRoC", "units in names", "nanoseconds"],
+    ids=["EuRoC", "OKVIS", "units in names", "nanoseconds"],
 )
 def test_poses_are_what_the_names_of_columns_say(honest, tmp_path, columns):
     t, true, x, *_ = honest
@@ -690,6 +691,7 @@ def test_columns_of_the_truth_beside_an_estimate_are_of_the_truth_alone(tmp_path
         (tuple(f"field.pose.covariance{k}" for k in (0, 1, 5, 7, 11, 35)), False),
         (("sigma_x", "", "", "sigma_y", "", "sigma_yaw"), True),
         (("var_x", "", "", "variance_y", "", "var_h"), True),
+        (("pos_x_std", "", "", "pos_y_std", "", "yaw_std"), True),
         (("P00", "P01", "P02", "P11", "P12", "P22"), False),
         (("P[1,1]", "P[1,2]", "P[1,3]", "P[2,2]", "P[2,3]", "P[3,3]"), False),
         (("cov_0_0", "cov_0_1", "cov_0_2", "cov_1_1", "cov_1_2", "cov_2_2"), False),
@@ -700,7 +702,8 @@ def test_covariances_are_columns_of_any_usual_name(honest, tmp_path, names, diag
     write_tum(tmp_path / "truth.txt", t, true)
     P = P * np.eye(3) if diagonal else P
     values = dict(zip(names, P[(slice(None), *np.triu_indices(3))].T, strict=True))
-    values = {name: np.sqrt(v) if name.startswith("sigma") else v for name, v in values.items() if name}
+    deviations = ("sigma", "std")
+    values = {name: np.sqrt(v) if any(word in name for word in deviations) else v for name, v in values.items() if name}
     table = frame_of(t, x).assign(**values, **{"twist.covariance_0": 9.0, "cov_z_z": 9.0, "sigma2": 9.0})
     table.to_csv(tmp_path / "mine.csv", index=False)
     (tmp_path / "theirs").mkdir()
