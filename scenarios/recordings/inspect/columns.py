@@ -190,6 +190,11 @@ def infer_columns(table: CsvTable) -> tuple[Guess, ...]:
         else _guess(table, column, file_side)
         for column in table.columns
     ]
+    count = {g.column: len({*table.names(g.column)}) for g in guesses if g.quantity == "robot"}
+    of_motion = not {"range", "rssi", "bearing", "ahead"} & {guess.quantity for guess in guesses}
+    if of_motion and 1 in count.values() and max(count.values()) > 1:  # agent_role beside agent_id
+        why = "the same in all lines, beside names that differ"
+        guesses = [g._replace(quantity="", reason=why) if count.get(g.column) == 1 else g for g in guesses]
     both = [g for g in guesses if g.quantity in NAMES or g.column.lower() in ENDS]  # robot1 and robot2, or i and j
     both.sort(key=lambda guess: naming.is_anchor(guess.column))  # a tag measures anchors
     if len(both) == 2 and not np.array_equal(table.columns[both[0].column], table.columns[both[1].column]):

@@ -146,6 +146,14 @@ def test_names_of_things_are_whole_numbers(tmp_path, values, quantity):
     assert quantity or "negative or not whole" in found.reason
 
 
+def test_of_two_columns_of_names_the_one_that_differs_says_whose_lines_they_are(tmp_path):
+    columns = {"t": range(LINES), "agent_role": ["follower"] * LINES, "agent_id": [1, 2] * (LINES // 2)}
+    found = guessed(tmp_path, columns | {"x": ANGLE, "y": np.sin(ANGLE)})
+    assert [found[name].quantity for name in ("agent_role", "agent_id")] == ["", "robot"]
+    found = guessed(tmp_path, columns | {"range": ANGLE})  # of a follower to two others
+    assert [found[name].quantity for name in ("agent_role", "agent_id")] == ["robot", "other"]
+
+
 def test_lists_in_fields_are_named(tmp_path):
     found = guessed(tmp_path, {"t": range(LINES), "distance": ['"(1.0, 2.0)"'] * LINES})
     assert found["distance"].reason.endswith("lists: write a line for each element")
