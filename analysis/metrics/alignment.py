@@ -65,7 +65,8 @@ def match_trajectories(
             teams[name] = read_team(Path(folder), list(true), name)
         except BadInput as e:
             remedy = f"; if other columns or topics are true, name them: --truth WORD={place}"
-            raise BadInput(f"{e}{remedy * (Path(folder) == place and of_truth == TRUTH)}") from None
+            is_unsaid = "has no trajectory" in str(e) and Path(folder) == place and of_truth == TRUTH
+            raise BadInput(f"{e}{remedy * is_unsaid}") from None
     for name, team in teams.items():
         require_estimates(name, team, true)
     matched = {robot: _common(robot, true[robot], teams, largest) for robot in true}

@@ -368,8 +368,8 @@ def _lack_of(needed: str, folder: Path, files: Sequence[CsvTable], lacking: Mapp
         of_wheels = next((guess for guess in file.guesses if guess.reason in naming.REMEDY.values()), None)
         if of_wheels and needed == "odometry":
             return f"{folder / file.name}: {of_wheels.column!r} is {of_wheels.reason}"
-        of_it = known & {"speed", "turn_rate", "dx"} or needed in {guess.side for guess in file.guesses}
-        if of_it and not known & {"time", "sec"}:
+        of_it = known | {guess.side for guess in file.guesses if needed == "odometry"}  # places need no stamps
+        if of_it & {"speed", "turn_rate", "dx", "odometry"} and not known & {"time", "sec"}:
             stamps = [f" ({g.reason})" for g in file.guesses if naming.name_meaning(g.column)[0] in ("time", "sec")]
             return f"{folder / file.name}: {NO_STAMPS}{''.join(stamps)}; add one, such as `time` [s]"
     return ""
