@@ -217,7 +217,7 @@ def judge(
     ],
     stream: Annotated[str, typer.Argument(help="a file that Stream.save wrote, or a scenario")] = "",
     truth: Annotated[
-        Path | None, typer.Option(help="folder, file or bag of true trajectories, instead of a stream")
+        Path | None, typer.Option(help="[WORD=]PLACE of true trajectories, instead of a stream: folder, file or bag")
     ] = None,
     align: Annotated[str, typer.Option(help="with --truth: none, or origin, se2 (each robot), team (all)")] = "none",
     axes: Annotated[str, typer.Option(help="with --truth: covariances are in axes of the world or the body")] = "world",

@@ -295,7 +295,8 @@ def judge_trajectories(
     those of `cl.errors`, with the robot's `name`, `rpe` [m] and `heading` [rad], root mean squares; a trial is a piece.
 
     Args:
-        truth: the folder, file or bag of true trajectories, or a table with the columns of such a file.
+        truth: the folder, file or bag of true trajectories, or a table with the columns of such a file. Where
+            no name of a column or topic says that it is true, "gnss=FILE" takes those with this word.
         estimates: by name, each a folder, file, bag or table; `trajectory_files` says what a team is.
         align: each robot's path to the truth by its first pose (`origin`) or by a rotation and a translation of least
             squares (`se2`), one for the whole `team`, or not at all (`none`).

@@ -287,8 +287,8 @@ def build_log(
     robots = tuple(robot for robot in d.robots if robot in odometry and len(odometry[robot].time) > 1)
     lost = [robot for robot in d.robots if robot not in robots]
     if not robots:
-        found = f" ({notes[-1]})" if notes else ""
-        raise BadInput(f"{place}: no robot has two samples of odometry{found}; correct [odometry] of log.toml")
+        why = next((f" ({note})" for note in notes if "there is no topic" in note), "")  # the first is of odometry
+        raise BadInput(f"{place}: no robot has two samples of odometry{why}; correct [odometry] of log.toml")
     notes += [f"{place}: robot {robot!r} has fewer than two samples of odometry; it was left out" for robot in lost]
     poses: list[Series | None] = []
     for robot in robots:

@@ -26,10 +26,8 @@ from cooploc.scenarios.recordings.scenario import NO_ORDER, TeamScenario, reader
 from cooploc.scenarios.recordings.team_log import TeamLog, other_names
 from cooploc.scenarios.recordings.text_files import files_below, is_text
 
-WITH_TABLES, TABLES = (
-    ("csv", "bag"),
-    ("odometry", "truth", "anchors", "landmarks", *READINGS),
-)  # formats, and tables that only these have
+WITH_TABLES = ("csv", "bag")  # formats
+TABLES = ("odometry", "truth", "anchors", "landmarks", *READINGS)  # that only these have
 NOT_FALLING, NO_RSSI = "does not fall with distance", "[rssi] is left out of log.toml"
 ARCHIVES = (".zip", ".tar", ".tgz", ".gz", ".bz2", ".xz", ".7z", ".rar")
 WITH_LENGTHS = (("truth", "ranges", "sightings"), ("truth",), ("ranges", "sightings"))  # tables
