@@ -123,7 +123,7 @@ def test_ranges_rssi_and_what_a_camera_saw_are_readings_in_si_units(team):
         ("/mocap/{robot}", "/uwb/red/{robot}", "topic /uwb/red/blue has range"),
         ('"velocity"', '"path"', "not 'path'; correct kind"),
         ("/rssi/{robot}/{other}", "/{robot}/odom", "not one number"),
-        ("/{robot}/odom", "/{robot}/odo", r"no robot has two .* no topic '/blue/odo'; did you mean '/blue/odom'"),
+        ("/{robot}/odom", "/{robot}/odo", r"no robot has two .* no topic '/red/odo'; did you mean '/red/odom'"),
         ('topic = "/{robot}/odom"', 'topic = "/{robot}/odom"\ntime = "t"', "time is a column of CSV files"),
     ],
 )
