@@ -369,7 +369,7 @@ def split_channels(
             (there & known & itself, one.robot, "of {} by itself"),
             (~near, one.robot, "by {} with stamps that are days from the others"),
             (there & ~positive, one.robot, "by {} with a range of 0 or less"),
-            (there & again, one.robot, "by {} that are there twice, to the digit"),
+            (there & again, one.robot, "by {}, there twice to the digit"),
         ):
             rows = np.flatnonzero(dropped).tolist()
             whose = sorted({names[row] for row in rows})
