@@ -6,6 +6,7 @@ up to a largest difference.
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from functools import reduce
 from pathlib import Path
 from typing import NamedTuple
@@ -56,8 +57,7 @@ def match_trajectories(
             raise BadInput(f"there is no {name} {value!r}; {nearest(value, list(known))}")
     if not estimates:
         raise BadInput("there are no estimates to judge: name a folder or bag")
-    word, _, rest = str(truth).partition("=")
-    place, of_truth = (Path(rest), word) if rest and not truth.exists() else (truth, TRUTH)
+    place, of_truth = _place_of_truth(truth)
     true = read_team(place, (), of_truth)
     teams = dict[str, Team]()
     for name, folder in estimates.items():
@@ -83,6 +83,20 @@ def match_trajectories(
     first = next(iter(chosen.values()))
     remarks += filter(None, (_held_remark(robot, first[robot], path) for robot, path in paths.items()))
     return Matched(place.resolve().name, paths, chosen, tuple(shorten(remarks)))
+
+
+def _place_of_truth(truth: Path) -> tuple[Path, str]:
+    """Return where true poses are and, of WORD=PLACE, the word of their columns or topics; refuse one that none has."""
+    word, _, rest = str(truth).partition("=")
+    if truth.exists() or not (word and rest):
+        return truth, TRUTH
+    place, found = Path(rest), list[dict[str, list[float]]]()
+    for method in (word, "no such word"):
+        with suppress(BadInput):
+            found.append({robot: one.x.ravel().tolist() for robot, one in read_team(place, (), method).items()})
+    if word != TRUTH and len(found) == 2 and repr(found[0]) == repr(found[1]):  # which compares nan, too
+        raise BadInput(f"{place}: no column or topic has the word {word!r}: name one that is true, or leave it out")
+    return place, word
 
 
 def shorten(remarks: Iterable[str]) -> Iterator[str]:

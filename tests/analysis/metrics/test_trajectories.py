@@ -669,6 +669,8 @@ def test_a_word_says_which_columns_are_true_and_methods_in_any_case(tmp_path):
         assert found.loc[found["estimator"] == method, "rmse"].item() == expected(paths)[key, "red"]
     with pytest.raises(BadInput, match="if other columns or topics are true, name them: --truth WORD="):
         judge_trajectories(place, {"pf": place})
+    with pytest.raises(BadInput, match=r"red.csv: no column or topic has the word 'gnsss': name one that is true"):
+        judge_trajectories(f"gnsss={place}", {"pf": place})
     pd.read_csv(place).assign(sigma_x=1.0, sigma_y=1.0).to_csv(place, index=False)
     _, notes = judge_trajectories(f"gnss={place}", {"odom": place})
     assert any(note.endswith("sigma_x does not say of which x it is: it counts for odom_x") for note in notes)
