@@ -457,9 +457,11 @@ def read_run(place: Path, name: str, description: TeamDescription) -> TeamLog:
             yield csv_files.CsvRows(
                 topic, time[:, None], time + schema.values_of(source.clock_offset, who), who, what, values
             )
-        unheard = [pair for pair in topics_of(source, d.robots, others) if pair[0] not in heard and pair[1] not in seen]
-        absent = [*{robot: topic for topic, robot, _ in reversed(unheard)}.values()]
-        absent = absent[-1:] * (not seen) if is_reading else absent[::-1]
+        first: dict[str, str] = {}  # robot -> the first of the topics that it may have, where none was heard
+        for topic, robot, _ in topics_of(source, d.robots, others):
+            if topic not in heard and robot not in seen:
+                first.setdefault(robot, topic)
+        absent = [*first.values()][:1] * (not seen) if is_reading else [*first.values()]
         there = [info.name for info in topics(place)[0]] if absent else []
         warnings.extend(f"{place}: there is no topic {topic!r}; {nearest(topic, there)}" for topic in absent)
 
