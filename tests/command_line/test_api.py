@@ -87,6 +87,7 @@ def results(place):
     return cl.run_study(place / "small.toml", out=place / "run")
 
 
+@pytest.mark.slow
 def test_run_study_keeps_rows_table_and_picture_and_load_run_reads_them(results, place):
     assert len(results.rows) == 2 * 6 * 3
     pd.testing.assert_frame_equal(results.table, cl.compare(results.rows, baseline="arl", full=True))
@@ -103,6 +104,7 @@ def test_run_study_keeps_rows_table_and_picture_and_load_run_reads_them(results,
     pd.testing.assert_frame_equal(some.drop(columns="seconds"), first.drop(columns="seconds"))
 
 
+@pytest.mark.slow
 def test_verdicts_are_the_same_of_results_of_a_folder_and_of_rows(results, place):
     (place / "ledger.toml").write_text(
         'paper = "A"\n[[claims]]\nid = "1"\nsays = "better"\nkind = "change"\nof = "ekf-local"\nthan = "arl"\n'

@@ -150,6 +150,7 @@ def test_a_name_is_explained_with_its_parameters(name, said, tmp_path, monkeypat
     assert capsys.readouterr().out == told
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("module", "heavy"),
     [

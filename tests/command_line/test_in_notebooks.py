@@ -83,6 +83,7 @@ def test_an_error_of_an_estimator_shows_its_own_lines_alone(error, line):
     assert "isolate=False" in debug
 
 
+@pytest.mark.slow
 def test_what_a_function_returned_is_shown_as_the_command_line_does(capsys):
     truth, stream = cl.simulate("trajectory[ticks=4]", trials=6)
     errors = cl.errors(truth, cl.run(["arl", "mrsl-rssi"], stream))

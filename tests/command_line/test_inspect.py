@@ -75,6 +75,7 @@ def test_the_page_of_an_inspection_escapes_what_is_in_the_files(tmp_path):
     assert "<b>team" not in page
 
 
+@pytest.mark.slow
 def test_a_recording_without_truth_is_inspected_and_not_judged(tmp_path):
     files = {name: columns for name, columns in two_robots(seconds=40).items() if not name.startswith("truth")}
     for column, values in files["odom_red.csv"].items():

@@ -31,6 +31,7 @@ def run(tmp_path_factory):
     return folder, cl.run_study(folder / "small.toml", max_trials=20, ledger=ledger, out=out, check=False)
 
 
+@pytest.mark.slow
 def test_results_show_and_verdicts_say_what_was_decided_and_when(run, capsys):
     folder, found = run
     verdicts = dict(zip(found.table["estimator"], found.table["verdict"], strict=True))

@@ -215,6 +215,7 @@ def test_a_robot_that_hears_no_other_is_arl_to_the_bit(team, configured):
     np.testing.assert_array_equal(traces["team"].P, traces["arl"].P)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("configured", ["mrsl-distance", "ctrn[weights=exact]", "ctrn[fusion=message]"])
 def test_the_distance_of_a_sighting_is_a_range_to_the_bit(configured):
     _, seen = simulate("camera/n=5[landmarks=1]", trials=2, ticks=80, seed=3)
@@ -271,6 +272,7 @@ def folded_weights(particles, rssi, earlier):
     return np.array(weights), errors[int(np.argmax(weights))]
 
 
+@pytest.mark.slow
 def test_the_reading_of_the_public_code_weighs_as_its_loop_does():
     """Five ticks, with the last three best errors; the particles of a tick are around the heaviest before."""
     _, stream = simulate("robots-1-3/n=1", trials=3, ticks=5, seed=4)

@@ -91,6 +91,7 @@ def test_an_estimator_qualifies_as_best_unless_there_is_a_reason(change, reasons
     assert disqualifications(GOOD | change) == reasons
 
 
+@pytest.mark.slow
 def test_letters_of_equals_differ_at_any_of_five_looks_in_at_most_5_percent_of_runs():
     rng = np.random.default_rng(4)
     ever = {FIXED: 0, ANYTIME: 0}
@@ -238,6 +239,7 @@ def test_what_estimators_read_themselves_is_said_where_it_differs_but_not_what_t
     assert reading_warnings(apart) == []
 
 
+@pytest.mark.slow
 def test_a_table_made_elsewhere_is_compared_as_that_of_errors(rng):
     errors = pd.concat([rows(name, rng.uniform(1, 2, (9, 1))) for name in "ab"], ignore_index=True)
     own = errors.assign(rmse=np.sqrt(errors["mse"]))[["estimator", "trial", "rmse"]]

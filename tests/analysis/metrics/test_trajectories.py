@@ -631,6 +631,7 @@ def test_tables_in_memory_are_judged_as_files_are(tmp_path):
         judge_trajectories(own["truth"], own["mine"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", [one_table, columns_of_methods])
 def test_the_truth_and_all_methods_may_be_in_one_table(tmp_path, form):
     t, paths = paths_of_all()

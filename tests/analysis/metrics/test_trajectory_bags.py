@@ -38,6 +38,7 @@ def expected_of(method="mine"):
     return {key: value for key, value in expected(paths_of_all()[1]).items() if key[0] == method}
 
 
+@pytest.mark.slow
 def test_of_several_topics_of_a_robot_that_of_the_method_counts(truth, tmp_path):
     _, paths = paths_of_all()
     topics = ((f"/{robot}/{name}", paths[name][robot]) for name in ("mine", "theirs") for robot in ROBOTS)
@@ -48,6 +49,7 @@ def test_of_several_topics_of_a_robot_that_of_the_method_counts(truth, tmp_path)
         judge_trajectories(truth, {"odom": bag})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("true", ["/{}/ground_truth", "/vicon/{}/pose"])
 def test_a_bag_may_hold_the_truth_beside_what_a_filter_says(tmp_path, true):
     _, paths = paths_of_all()
@@ -84,6 +86,7 @@ def test_poses_in_the_axes_of_a_camera_are_refused(tmp_path):
         judge_trajectories(bag, {"mine": bag})
 
 
+@pytest.mark.slow
 def test_of_a_damaged_bag_what_can_be_recovered_is_judged(truth, tmp_path):
     t, paths = paths_of_all()
     bag = write(tmp_path / "mine", *(poses(f"/{robot}/mine", ODOMETRY, paths["mine"][robot]) for robot in ROBOTS))
@@ -115,6 +118,7 @@ def path_message(topic, end, count, path):
     return topic, PATH, START + end, {"poses": places}
 
 
+@pytest.mark.slow
 def test_of_a_path_the_last_message_counts_and_a_plan_is_no_path(truth, tmp_path):
     t, paths = paths_of_all()
     of_all = paths["mine"].items()
@@ -177,6 +181,7 @@ def test_robots_are_where_the_frames_of_their_bases_are_in_the_root_of_tf(truth,
     assert rmse_of(found) == {(method, r): pytest.approx(np.sqrt((e**2).sum(1).mean())) for r, e in error.items()}
 
 
+@pytest.mark.slow
 def test_models_of_gazebo_are_the_truth_and_odometry_is_so_with_a_note(tmp_path):
     t, paths = paths_of_all()
     odometry = [poses(f"/{robot}/odom", ODOMETRY, paths["truth"][robot]) for robot in ROBOTS]
@@ -197,6 +202,7 @@ def test_models_of_gazebo_are_the_truth_and_odometry_is_so_with_a_note(tmp_path)
     assert any(note.endswith("odometry: topics such as /red/odom are taken for the truth") for note in notes)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("own", ["odometry", "frames", "each with the truth of all"])
 def test_of_bags_that_each_robot_recorded_topics_of_one_name_are_of_their_robots(truth, tmp_path, own):
     t, paths = paths_of_all()
@@ -212,6 +218,7 @@ def test_of_bags_that_each_robot_recorded_topics_of_one_name_are_of_their_robots
     assert rmse_of(found) == expected_of()
 
 
+@pytest.mark.slow
 def test_bags_that_follow_one_another_are_parts_of_one_recording(truth, tmp_path):
     _, paths = paths_of_all()
     every = [poses(f"/{robot}/mine", ODOMETRY, path) for robot, path in paths["mine"].items()]

@@ -67,6 +67,7 @@ def test_where_an_estimator_failed_its_curve_has_a_gap():
     plt.close("all")
 
 
+@pytest.mark.slow
 def test_a_parameter_of_estimators_is_swept_too_on_the_scale_where_its_values_are_more_even():
     ax = cl.plot.rmse(rows_of("nlos", {f"{name}[particles={n}]": (1.0, 1.0) for name in "ab" for n in (50, 200, 800)}))
     assert ax.get_legend_handles_labels()[1] == ["a", "b"]
@@ -101,6 +102,7 @@ def test_a_legend_of_long_names_stays_in_its_figure(columns):
     assert figure.axes[0].get_position().height > 0.3
 
 
+@pytest.mark.slow
 def test_of_many_estimators_a_page_draws_those_with_the_smallest_errors_and_the_baseline():
     names = {"arl": (5.0, 1.0)} | {f"ekf-ci[gate={n},inflation=2]": (1.0, 1.0) for n in range(1, 60)}
     table = compare(rows_of("nlos", names), "arl", full=True).assign(floor=0.1)
@@ -168,6 +170,7 @@ def texts_of(figure):
     return [text.get_text() for legend in legends for text in legend.get_texts()]
 
 
+@pytest.mark.slow
 def test_the_frontier_is_drawn_in_a_panel_for_each_scenario():
     scenarios = ["robots-1-3/n=1", "robots-1-3/n=3", "robots-1-3/n=2"]
     figure = cl.plot.pareto(pd.concat([rows_of(name, TEAM) for name in scenarios])).figure

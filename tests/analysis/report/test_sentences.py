@@ -79,6 +79,7 @@ def test_below_five_trials_nothing_is_claimed():
     assert few.startswith("Nothing is separable with 3 trials")
 
 
+@pytest.mark.slow
 def test_the_answer_says_who_is_lowest_by_how_much_and_who_is_over_confident():
     ones = {"arl": (1.0, 1.0), "ekf-local": (0.5, 1.0), "mrsl-rssi": (0.7, 9.0)}
     found, table = standings(pd.concat([rows_of(f"packet-drop/drop={d}", ones) for d in (0, 0.5)], ignore_index=True))

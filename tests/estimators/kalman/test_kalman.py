@@ -76,6 +76,7 @@ def test_gate_is_a_squared_mahalanobis_distance(engine):
     np.testing.assert_allclose(distance(y, H @ P @ H.mT + R), d2, rtol=1e-9)
 
 
+@pytest.mark.slow
 @given(st.integers(0, 2**32 - 1), st.floats(-8, 2))
 @repeatable
 def test_covariance_stays_symmetric_and_definite_over_many_updates(seed, exponent):

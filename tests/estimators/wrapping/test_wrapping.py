@@ -139,6 +139,7 @@ def test_global_draws_are_keyed_by_trial_robot_and_tick_and_restored(stream):
     assert len(np.unique(noise.round(9))) == noise.size  # no two ticks, robots, trials or generators alike
 
 
+@pytest.mark.slow
 def test_a_library_that_draws_globally_is_deterministic_with_its_own_generator():
     own, shared = (
         run_check("determinism", Harness("it", cl.PerRobot(Drawing, own_random=own), 0)) for own in (True, False)

@@ -139,6 +139,7 @@ def test_built_in_estimators_pass(name, request):
     assert_ran(report, [check for check in NAMES if check not in exempt])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cls", [broken.Averages, broken.Addressed, broken.HonestTeam])
 def test_correct_estimators_pass(cls):
     report = check_estimator(cls(), isolate=False)
@@ -280,6 +281,7 @@ def test_an_estimator_of_a_channel_that_our_worlds_lack_is_checked_where_there_i
     assert failed == {r.check for r in report.results if r.status == "failed"}
 
 
+@pytest.mark.slow
 def test_a_channel_that_an_estimator_can_do_without_is_checked_where_there_is_one():
     assert check_estimator(SeesHeadingsOfAllIfAny(), isolate=False).passed
     report = check_estimator(

@@ -129,6 +129,7 @@ def test_a_runs_own_lines_do_not_touch_its_models(data):
     assert after.hashes != before.hashes
 
 
+@pytest.mark.slow
 def test_nothing_is_fitted_across_set_ups(data):
     describe(data, 'about = "made by a test"', 'set_ups = ["[ab]", "c*", "d"]')
     write(data, "c2", lines(3))

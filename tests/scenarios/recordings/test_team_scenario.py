@@ -190,6 +190,7 @@ def test_a_stream_fed_by_hand_has_the_same_bits(recorded, tmp_path):
     np.testing.assert_array_equal(mine, theirs)
 
 
+@pytest.mark.slow
 def test_ranges_to_anchors_are_used_by_a_robot_alone(recorded, tmp_path):
     folder = lab(recorded, tmp_path, SHORT, ("[fit]", f"[anchors]\nplaces = {{ {PLACES} }}\n[fit]"))
     truth, stream = cl.simulate("log/two", data=folder)

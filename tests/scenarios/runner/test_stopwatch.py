@@ -4,6 +4,7 @@ import time
 
 import numba
 import numpy as np
+import pytest
 
 from cooploc.scenarios.runner.trace import Stopwatch
 
@@ -24,6 +25,7 @@ def test_work_counts_and_sleep_does_not():
     assert 0.1 <= clock.seconds <= time.process_time() - worked
 
 
+@pytest.mark.slow
 def test_compiling_a_kernel_and_the_kernels_that_it_calls_does_not_count():
     @numba.njit
     def inner(x):

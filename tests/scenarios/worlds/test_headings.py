@@ -91,6 +91,7 @@ def test_robots_stay_inside_at_their_speed_and_turn_at_the_walls(camera, arena):
         assert 0 < still.mean() < 0.3
 
 
+@pytest.mark.slow
 def test_radio_readings_without_a_compass_are_those_of_the_places(arena):
     truth, stream = arena
     x = truth.x[..., :2]

@@ -173,6 +173,7 @@ def test_a_clean_team_has_few_findings(world):
     assert sum(map(bool, found)) <= 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(FAULTS))
 def test_a_planted_fault_is_found_with_its_robot_and_the_setting_to_change(name):
     kind, robot, world, plant = FAULTS[name]
@@ -191,6 +192,7 @@ def test_one_that_stands_here_and_there_does_not_jump():
     assert "jump" not in {f.kind for f in findings(series("truth", 1, stand)(log))}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shift", [12.5, 1.7e9 + 12.3])  # the latter leaves no time in common
 def test_the_offset_of_a_clock_is_what_it_was_shifted_by(shift):
     log = team_log("no-compass", 3)
@@ -230,6 +232,7 @@ def test_sightings_are_late_by_what_bearings_say():
     assert -0.35 < float(found.setting.removeprefix("clock_offset = ")) < -0.25
 
 
+@pytest.mark.slow
 def test_the_corrected_recording_is_the_clean_one_and_the_original_is_not_changed():
     clean = team_log("camera", 4)
     log = series("truth", 1, times(1000, 1000, 1))(clean)
@@ -238,6 +241,7 @@ def test_the_corrected_recording_is_the_clean_one_and_the_original_is_not_change
     np.testing.assert_array_equal(log.truth[1].values, before)
 
 
+@pytest.mark.slow
 def test_offsets_of_single_robots_are_one_setting_by_name():
     log = team_log("camera", 2)
     (camera,) = findings(FAULTS["a camera aside"][3](log))

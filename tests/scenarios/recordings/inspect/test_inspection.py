@@ -31,6 +31,7 @@ def test_eight_deliberate_glitches_are_each_named_and_stand_in_log_toml(tmp_path
         assert line in truth
 
 
+@pytest.mark.slow
 def test_a_run_says_what_was_found_and_still_stands_in_log_toml(tmp_path, clean):
     mirrored = {name: columns | {"y": -columns["y"]} for name, columns in clean.items() if name.startswith("truth")}
     found = cl.inspect(write(tmp_path / "team", clean | mirrored))
