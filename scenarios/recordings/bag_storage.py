@@ -204,8 +204,8 @@ def fields_of(message: Any) -> dict[str, list[Any]]:
 
 def stamp_of(message: Any) -> int | None:
     """Return a message's own stamp [ns], or None where its type has no header or the stamp was never set."""
-    first = next(iter(getattr(message, "transforms", ())), message)  # of tf2_msgs/TFMessage
-    header = getattr(first, "header", None)
+    first = next(iter(getattr(message, "transforms", ())), None)  # of tf2_msgs/TFMessage
+    header = getattr(message, "header", None) or getattr(first, "header", None)
     return int(header.stamp.sec) * 10**9 + int(header.stamp.nanosec) or None if header else None
 
 

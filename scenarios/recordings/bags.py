@@ -369,7 +369,8 @@ def text_folders(run: Path) -> list[Path]:
 def topics_of(source: schema.Source, robots: Sequence[str], others: Sequence[str]) -> Iterator[tuple[str, str, str]]:
     """Yield (topic, robot, other) of all topics that a source may have; other is "" where the topic does not say."""
     written = {
-        name: [*(word for word, of in source.nodes.items() if of == name), name] for name in (*robots, *others, "")
+        name: list(dict.fromkeys([*(word for word, of in source.nodes.items() if of == name), name]))
+        for name in (*robots, *others, "")
     }
     for robot in robots:
         pattern = source.topics.get(robot, source.topic)
@@ -418,6 +419,11 @@ def values_of(
 
 def read_run(place: Path, name: str, description: TeamDescription) -> TeamLog:
     """Read one run; BadInput where a topic is of another type than its table needs."""
+    return csv_files.read_tables(place, run_files(place, name, description))
+
+
+def run_files(place: Path, name: str, description: TeamDescription) -> csv_files.RunFiles:
+    """Return what gives the rows of each table of a run: of its topics, and of the text files beside."""
     d = description
     if d.moves.kind not in ODOMETRY and not d.moves.in_files and not fields_named(d.moves).numbers:
         kinds = " or ".join(ODOMETRY)
@@ -466,4 +472,4 @@ def read_run(place: Path, name: str, description: TeamDescription) -> TeamLog:
         warnings.extend(f"{place}: there is no topic {topic!r}; {nearest(topic, there)}" for topic in absent)
 
     home = homes[0] if homes else place.parent
-    return csv_files.read_tables(place, csv_files.RunFiles(home, name, d, warnings, rows_of_topics))
+    return csv_files.RunFiles(home, name, d, warnings, rows_of_topics)

@@ -363,9 +363,10 @@ def split_channels(
         there = np.isfinite(one.values).all(-1) & near
         positive = there & ((one.values[:, 0] > 0) | (kind == "rssi"))
         known, itself = (robot >= 0) & ((mate >= 0) | (thing >= 0)), (robot == mate) & (robot >= 0)
+        fixed_is = "a landmark" if kind == "sighting" else "an anchor"
         for dropped, names, what in (
             (there & (robot < 0), one.robot, "measured by {}: no robot of the team"),
-            (there & (robot >= 0) & ~known, one.other, "of {}: neither a robot of the team nor a place"),
+            (there & (robot >= 0) & ~known, one.other, f"of {{}}: neither a robot of the team nor {fixed_is}"),
             (there & known & itself, one.robot, "of {} by itself"),
             (~near, one.robot, "by {} with stamps that are days from the others"),
             (there & ~positive, one.robot, "by {} with a range of 0 or less"),

@@ -5,6 +5,7 @@ from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 
@@ -31,8 +32,11 @@ from cooploc.scenarios.recordings.inspect.naming import (
     clean_name,
     file_pattern,
     is_plain,
+    is_second_choice,
     match_names,
     name_meaning,
+    numbers_of,
+    pairs_by_number,
     pairs_of_robots,
     pairs_with_places,
     words_of,
@@ -56,6 +60,7 @@ VISUAL = ODOMETRY | {"slam", "orb", "vio", "vins", "vo"}  # in names of topics w
 # type -> fields of position and orientation
 PLACE = {"PoseStamped": ("pose.position", "pose.orientation"), "Pose": ("position", "orientation")}
 PLACE |= {"TransformStamped": ("transform.translation", "transform.rotation")}
+UPRIGHT = ("position.z", "translation.z")  # of what was seen
 FLAT = 0.2  # [m] that robots move at least, and share of it by which a floor is flat at most
 EACH = 'each = { NAME = "data.0", ... } for the robots or anchors that it is of, in their order'
 SURE = 2.0  # times the misfit of the best assignment of radios that the next best must have
@@ -105,7 +110,8 @@ def bag_draft(path: Path) -> Draft:
     left = {t: kind for t, kind in numbers.items() if not _tables_of(t, tables, robots)}
     of_numbers, by_frame, frames = _readings_of_one(whole, left, series, robots, fixed)
     tables += [*of_numbers, *(one for one in beside.tables if one.name not in {table.name for table in of_numbers})]
-    tables += _readings_of_fields(of_fields | by_frame, robots, fixed)
+    untrue = {t: f for t, f in of_fields.items() if "truth" not in _tables_of(t, tables, robots)}
+    tables += _readings_of_fields(untrue | by_frame, robots, fixed)
     seen = pairs_of_robots([name for name in poses if SEEN & {*words_of(name)}], robots, "range")
     why = "poses in topics with the names of two robots, in the axes of the first"
     tables += [DraftTable("sightings", (Entry("topic", p, why, "likely"),)) for p in dict.fromkeys(seen.values())]
@@ -283,11 +289,11 @@ def _truth_of_fields(of_fields: Mapping[str, CsvTable], robots: Sequence[str]) -
         own = first_columns(table.guesses, ("x", "y", "heading"))
         if not {"x", "y"} <= own.keys() or NOT_TRUE & {*words_of(topic)}:
             continue
-        column = next((g.column for g in table.guesses if g.quantity == "robot" or "child_frame_id" in g.column), "")
-        if not column:
+        names = {g.column: table.names(g.column) for g in table.guesses if _may_name(g)}
+        if max(map(len, names.values()), default=0) < 2:
             about[topic] = own
             continue
-        words = table.names(column)
+        column, words = max(names.items(), key=lambda one: len({*one[1]} & {*robots}))
         meant = {word: word for word in words if word in robots} | match_names(words, robots)
         if {*meant.values()} >= {*robots} and not _is_moved_by_odometry(table, column, {*meant}):
             nodes = {word: robot for word, robot in meant.items() if word != robot}
@@ -304,6 +310,11 @@ def _truth_of_fields(of_fields: Mapping[str, CsvTable], robots: Sequence[str]) -
     return [DraftTable("truth", (_topics(there, f"{why} of each robot"), *fields[0], *origin))]
 
 
+def _may_name(field: Guess) -> bool:
+    """Return whether the words in a field may be names of robots."""
+    return field.quantity in ("robot", "other") or "child_frame_id" in field.column
+
+
 def _is_moved_by_odometry(table: CsvTable, child: str, words: set[str]) -> bool:
     """Return whether the frames of robots stand in frames of odometry, as /tf has them of what wheels say."""
     parents = table.columns.get(child.replace("child_frame_id", "header.frame_id"), ())
@@ -317,12 +328,20 @@ def _readings_of_fields(
     """Return sightings, ranges and RSSI in messages of types that are not usual, by the names of their fields."""
     lines: dict[tuple[str, str, str], tuple[Entry, ...]] = {}
     heard: dict[tuple[str, str, str], list[tuple[str, list[str], list[str]]]] = {}  # robot, words, and its own
+    by_number = pairs_by_number(of_fields, robots)
+    by_topic = by_number | pairs_with_places(of_fields, robots, fixed) | pairs_of_robots(of_fields, robots, "range")
     for topic, table in of_fields.items():
         own = next((robot for robot in robots if robot in topic or len(robots) == 1), "")
-        ends = [g for quantity in ("robot", "other") for g in table.guesses if g.quantity == quantity]
-        named = [("robot", ends[0])] * (not own) + [("other", ends[-1])] if len(ends) > (not own) else []
-        for table_name, columns in _reading_columns(topic, table, _place(ends[-1])).items() if named else ():
+        whose, things = ([g for g in table.guesses if g.quantity == name] for name in ("robot", "other"))
+        if len(ends := [*whose, *things]) > (not own):
+            other = things[0] if things and (own or whose) else ends[-1]
+            named, place = [("robot", ends[0])] * (not own) + [("other", other)], _place(other)
             pattern = topic.replace(own, "{robot}") if own else topic
+        elif topic in by_topic:
+            pattern, named, place = by_topic[topic], [], ""
+        else:
+            continue
+        for table_name, columns in _reading_columns(topic, table, place).items():
             words = [word for _, guess in named for word in table.names(guess.column)]
             key = table_name, pattern, next(iter(columns.values())).column
             heard.setdefault(key, []).append((own, words, table.names(ends[0].column) if len(ends) > 1 else []))
@@ -334,6 +353,7 @@ def _readings_of_fields(
         nodes = match_names([w for _, words, _ in heard[key] for w in words if clean_name(w) not in fixed], robots)
         if any(own and own == nodes.get(word) for own, words, _ in heard[key] for word in words):
             nodes = {}  # no robot measures itself: these are of anchors
+        nodes |= numbers_of(robots) if key[1] in by_number.values() else {}
         nodes |= {mine[0]: own for own, words, mine in heard[key] if own and len(mine) == 1 and mine[0] not in words}
         found.append(DraftTable(key[0], (*entries, *[Entry("nodes", nodes, why, "likely")] * bool(nodes))))
     return found
@@ -346,14 +366,14 @@ def _reading_columns(topic: str, table: CsvTable, place: str) -> dict[str, dict[
 
         def order(g: Guess, quantity: str = quantity) -> tuple[bool, ...]:
             last = g.column.rpartition(".")[2]
-            return _place(g) != place, name_meaning(last)[0] != quantity, not is_plain(last)
+            return _place(g) != place, is_second_choice(last), name_meaning(last)[0] != quantity, not is_plain(last)
 
         if some := sorted((g for g in table.guesses if g.quantity == quantity), key=order):
             found[name] = {quantity: some[0]}
             beside = first_columns([g for g in table.guesses if _place(g) == _place(some[0])], ("bearing",))
             if quantity == "range" and beside:
                 found["sightings"] = found.pop(name) | beside
-    at = next((g.column.removesuffix(".z") for g in table.guesses if g.column.endswith("position.z")), "")
+    at = next((g.column.removesuffix(".z") for g in table.guesses if g.column.endswith(UPRIGHT)), "")
     if found or not SEEN & {*words_of(topic)}:
         return found
     if at:
@@ -442,9 +462,11 @@ def _ranges(
     `numbers` are their types.
     """
     named = pairs_of_robots(numbers, robots)
-    radios = {p: t for t in numbers if t not in named and "Int" not in numbers[t] and (p := _pair(t))}
+    by_number = {t: p for t, p in pairs_by_number(numbers, robots).items() if t not in named}
+    left = [t for t in numbers if t not in (*named, *by_number) and "Int" not in numbers[t]]
+    radios = {pair: t for t in left if (pair := _pair(t))}
     found = [_ranges_of_radios(radios, truth, series)] if radios else []
-    return found + _tables_of_numbers(named, series)
+    return found + _tables_of_numbers(named, series) + _tables_of_numbers(by_number, series, numbers_of(robots))
 
 
 def _readings_of_one(
@@ -476,8 +498,10 @@ def _topics_of_one(left: Sequence[str], robots: Sequence[str]) -> dict[str, str]
     return found
 
 
-def _tables_of_numbers(named: Mapping[str, str], series: Mapping[str, TopicSeries]) -> list[DraftTable]:
-    """Return ranges and RSSI of each pattern of topics, with their unit."""
+def _tables_of_numbers(
+    named: Mapping[str, str], series: Mapping[str, TopicSeries], nodes: Mapping[str, str] = MappingProxyType({})
+) -> list[DraftTable]:
+    """Return ranges and RSSI of each pattern of topics, with their unit; `nodes` are the names of robots in them."""
     found = list[DraftTable]()
     for pattern in dict.fromkeys(named.values()):
         is_rssi = name_meaning(pattern)[0] == "rssi"
@@ -485,6 +509,7 @@ def _tables_of_numbers(named: Mapping[str, str], series: Mapping[str, TopicSerie
         unit, why = infer_unit("range", "", values, np.inf)
         entries = [Entry("topic", pattern, "topics with the names of robots", "likely")]
         entries += [Entry("unit", unit, why, "likely")] * (unit != "m" and not is_rssi)
+        entries += [Entry("nodes", dict(nodes), "the last numbers of their names", "likely")] * bool(nodes)
         found.append(DraftTable("rssi" if is_rssi else "ranges", tuple(entries)))
     return found
 

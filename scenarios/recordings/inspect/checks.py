@@ -59,7 +59,8 @@ from cooploc.scenarios.recordings.inspect.truth_checks import (
 from cooploc.scenarios.recordings.team_log import Channel, ReadingSeries, TeamLog
 
 TO_NAME = {  # in a sentence on what was left out -> what to write, and the table
-    "nor a place": ("places = { NAME = [X, Y], ... }, of an anchor", "anchors"),
+    "nor an anchor": ("places = { NAME = [X, Y], ... }, of an anchor", "anchors"),
+    "nor a landmark": ("places = { NAME = [X, Y], ... }, of a landmark", "landmarks"),
     "no robot of the team": ('nodes = { THEIRS = "NAME", ... } in that table, if they are robots', ""),
 }
 

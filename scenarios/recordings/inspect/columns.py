@@ -163,6 +163,7 @@ MEASURED = {*RELATIVE, "range", "rssi", "bearing", "ahead", "left", "x", "speed"
 FLAGS = 10  # values that a column without a quantity may have and be no measurement
 PART = "read with another column"
 BESIDE = "beside who was seen, perhaps"
+LONGEST_FLIGHT = 1e-4  # [s] of 30 km
 OF_FLIGHT = "a time of flight: write the range, 0.299792458 m for each ns"
 
 
@@ -358,9 +359,12 @@ def _guess(table: CsvTable, column: str, file_side: str) -> Guess:
     beside = {naming.name_meaning(name)[::2] for name in table.columns}
     places = [name for name in (column[:-1] + q for q in "xy") if name in table.columns]
     unknown = ""
+    named = [naming.QUANTITY.get(word, "") for word in naming.words_of(column)]
+    no_names = bool(((values < -1) | (values != np.rint(values))).any())  # -1 is of none
     if quantity in ("range", "rssi") and isinstance(table.columns[column], tuple):  # uwb_to, if its values are names
-        named = map(naming.QUANTITY.get, naming.words_of(column))
-        quantity = next((one for one in named if one in NAMES), None) or quantity
+        quantity = next((one for one in named if one in NAMES), quantity)
+    elif quantity in NAMES and no_names:  # distanceFromTag
+        quantity = next((one for one in named if one in ("range", "rssi")), quantity)
     if quantity == "angle":  # to what is measured, or of what is somewhere, if no other column is that
         by, known = {"range": "bearing", "x": "heading"}, dict(beside)
         quantity = next((angle for other, angle in by.items() if other in known and angle not in known), "")
@@ -379,11 +383,11 @@ def _guess(table: CsvTable, column: str, file_side: str) -> Guess:
         and "speed" not in dict(beside)
     ):
         unknown = "w beside x and y: part of a quaternion, or a heading"
-    elif quantity in NAMES and ((values < -1) | (values != np.rint(values))).any():  # -1 is of none
+    elif quantity in NAMES and no_names:
         unknown = f"its name says {quantity}, but its values are negative or not whole"
     elif quantity in ("time", "sec") and len(change) and 0.3 < (change < 0).mean() < 1 and _falls(table, values):
         unknown = f"its name says {quantity}, but its values fall"
-    elif quantity == "range" and {"ns", "ps"} & {*naming.words_of(column + below)}:
+    elif quantity == "range" and _is_of_flight({*naming.words_of(column + below)}, values):
         unknown = OF_FLIGHT
     elif quantity == "time" and len(values) > 10 > 2 * len({*values.tolist()}):
         unknown = f"{values[0]:.10g} and hardly another: it was written with too few digits"
@@ -403,6 +407,11 @@ def _guess(table: CsvTable, column: str, file_side: str) -> Guess:
     if quantity == "heading" and naming.is_clockwise(column):
         unit, why = f"-{unit}", f"{why}; of a compass: clockwise from north"
     return Guess(column, quantity, unit, side or file_side, reason + (f"; {why}" if why else ""))
+
+
+def _is_of_flight(words: Collection[str], values: Array) -> bool:
+    """Return whether a column is of times that a signal flew: by its unit, or by how short they are in seconds."""
+    return bool({"ns", "ps"} & {*words}) or ("tof" in words and np.max(np.abs(values), initial=0.0) < LONGEST_FLIGHT)
 
 
 def _falls(table: CsvTable, values: Array) -> bool:

@@ -11,8 +11,7 @@ import pandas as pd
 
 from cooploc.estimators.errors import BadInput, count_of, nearest
 from cooploc.estimators.interface import Array
-from cooploc.scenarios.recordings import bag_storage, csv_files, mrclam, schema
-from cooploc.scenarios.recordings.bags import keep_what_is_read
+from cooploc.scenarios.recordings import bag_storage, bags, csv_files, mrclam, schema
 from cooploc.scenarios.recordings.inspect import draft_toml
 from cooploc.scenarios.recordings.inspect.bag_draft import SURE, bag_draft
 from cooploc.scenarios.recordings.inspect.checks import GAP, check_recording
@@ -81,7 +80,7 @@ class Inspected(NamedTuple):
         return list(dict.fromkeys([*unread, *self.log.warnings, *self.trial.faults]))
 
 
-@keep_what_is_read()
+@bags.keep_what_is_read()
 def inspect_recording(path: Path, run: str = "", again: bool = False) -> Inspected:
     """Inspect a directory of CSV files, a bag, a PyFG file or MRCLAM text."""
     directory = path if path.is_dir() else path.parent
@@ -147,12 +146,20 @@ def _in_words(one: Finding) -> Finding:
 def name_radios(draft: Draft, log: TeamLog, place: Path, description: schema.TeamDescription) -> Draft:
     """Return the draft with whose the radios, or markers, are that lines call by no robot or place: by their ranges."""
     truth = {robot: series for robot, series in zip(log.robots, log.truth, strict=True) if series is not None}
-    files, tables = csv_files.RunFiles(place, log.name, description, []), list(draft.tables)
+    if description.format not in WITH_TABLES:
+        return draft
+    if description.format == "bag":
+        files = bags.run_files(place, log.name, description)
+    else:
+        files = csv_files.RunFiles(place, log.name, description, [])
+    tables = list(draft.tables)
     both = [(table, log.anchors) for table in description.ranges] + [(t, log.landmarks) for t in description.sightings]
-    for table, fixed in both if description.format == "csv" else ():
+    for table, fixed in both:
         known = truth | dict(zip(fixed.names, fixed.positions, strict=True))
         measured = csv_files.read_measurements(files, table, (*log.robots, *fixed.names))
         parts = [pd.DataFrame({"a": m.robot, "b": m.other, "t": m.time, "r": m.values[:, 0]}) for m in measured]
+        if not parts:
+            continue
         lines = pd.concat(parts).query("a != '' and b != '' and a != b")
         unknown = {*lines["a"], *lines["b"]} - {*log.robots, *fixed.names}
         if not 0 < len(unknown) <= MOST_RADIOS or len(truth) < 2:
@@ -162,12 +169,15 @@ def name_radios(draft: Draft, log: TeamLog, place: Path, description: schema.Tea
             for _, own in lines.groupby(["a", "b"])
         ]
         found = assign(pairs, truth, known)
-        if found.residual < min(VAGUE, found.second / SURE):
+        alike = isinstance(table, schema.RangesTable) and len(unknown) == len(found.nodes) == len(truth) == 2
+        if found.residual < (VAGUE if alike else min(VAGUE, found.second / SURE)):
             why = f"ranges fit the true distances to {found.residual:.2g} m, and the next best to {found.second:.2g} m"
+            why = "two radios on two robots: which is whose makes no difference to ranges" if alike else why
             for k, one in enumerate(tables):
-                if one.name in READINGS and ("file", table.file) in [entry[:2] for entry in one.entries]:
-                    before = next((entry.value for entry in one.entries if entry.key == "nodes"), dict[str, str]())
-                    nodes = Entry("nodes", before | {n: robot for robot, n in found.nodes.items()}, why, "likely")
+                named = {entry.key: entry.value for entry in one.entries if entry.key in ("file", "topic", "nodes")}
+                if one.name in READINGS and (named.get("file"), named.get("topic")) == (table.file, table.topic):
+                    theirs = named.get("nodes", {}) | {n: robot for robot, n in found.nodes.items()}
+                    nodes = Entry("nodes", theirs, why, "likely")
                     tables[k] = one._replace(entries=(*(e for e in one.entries if e.key != "nodes"), nodes))
     return draft._replace(tables=tuple(tables))
 
@@ -194,9 +204,11 @@ def recognize(path: Path) -> tuple[str, str]:
         raise BadInput(f"{path}: this is one file; name the directory with the files of all robots, odometry and truth")
     files = [path] if path.is_file() else files_below(path)
     ending = {p.suffix.lower(): p.name for p in reversed(files)}
-    bags = [p.name for p in files if bag_storage.is_bag(p)]
-    if bags := bags or [f"{p.resolve().parent.name}, with {p.name}," for p in files if p.name == bag_storage.METADATA]:
-        return "bag", f"{bags[0]} is a bag"
+    of_bags = [p.name for p in files if bag_storage.is_bag(p)]
+    if of_bags := of_bags or [
+        f"{p.resolve().parent.name}, with {p.name}," for p in files if p.name == bag_storage.METADATA
+    ]:
+        return "bag", f"{of_bags[0]} is a bag"
     if graph := ending.get(".pyfg") or ending.get(".fg"):
         return "pyfg", f"{graph} is a factor graph"
     if of_mrclam := next((p.name for p in files if mrclam.NAME.fullmatch(p.name)), ""):

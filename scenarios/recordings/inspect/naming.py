@@ -15,15 +15,15 @@ QUANTITY, SIDE, UNIT, OTHERS, REMEDY = (
     for table in ("quantities", "sides", "units", "others", "remedies")
 )
 QUANTITY_OF_PAIR = {pair: quantity for quantity, of in _WORDS["pairs"].items() for pair in of}
-# Last words of what is not of a robot on a floor, or of a quaternion.
-AXES = {"turn_rate": (["x"], ["y"]), "speed": (["y"], ["z"]), "heading": (["x"], ["y"], ["w"])}
+# Last words of what is not of a robot on a floor, or of a quaternion, or where something is.
+AXES = {"turn_rate": (["x"], ["y"]), "speed": (["y"], ["z"]), "heading": (["x"], ["y"], ["w"]), "other": (["z"],)}
 ESTIMATES = {word for word, kind in OTHERS.items() if kind == "estimates"}
 NO_ROBOTS = "no_robots", "second_choice"
 ODOMETRY, TRUTH = ({word for word, of in SIDE.items() if of == side} for side in ("odometry", "truth"))
 CERTAIN = {*SIDE} - {"ground", "pos", "cap"}  # of these words that say it also in a file of the other side
 # Words in names of files and topics of what robots saw.
 SEEN = {"rel", "relative", "tag", "tags", "apriltag", "aruco", "marker", "markers", "detection", "detections", "camera"}
-SEEN |= {"landmark", "landmarks", "sighting", "sightings", "seen"}
+SEEN |= {"fiducial", "fiducials", "landmark", "landmarks", "sighting", "sightings", "seen"}
 # The units of quantities in log.toml; all others are lengths in m.
 SI = {
     "time": "s",
@@ -150,7 +150,9 @@ def pairs_of_robots(names: Iterable[str], robots: Sequence[str], quantity: str =
         pair = re.compile(rf"(?<![A-Za-z0-9]){a}(\D*?){b}(?![A-Za-z0-9])|(?<=[A-Za-z]){a}(\D*?){b}(?!\d)")
         for name in names:
             pattern = pair.sub(lambda m: f"{{robot}}{m[1] or m[2] or ''}{{other}}", name)
-            if pattern != name and (name_meaning(pattern)[0] or quantity) in ("range", "rssi"):
+            meaning = name_meaning(pattern)[0]
+            about = quantity if meaning in ("", "robot", "other") else meaning  # "other" by the word "to"
+            if pattern != name and about in ("range", "rssi"):
                 itself = any(pattern.replace("{robot}", r).replace("{other}", r) in names for r in robots)
                 if not (itself and re.search(r"\{robot\}.*[A-Za-z].*\{other\}", pattern)):
                     found[name] = pattern
@@ -174,6 +176,21 @@ def pairs_with_places(names: Iterable[str], robots: Sequence[str], places: Seque
             found[name] = other
             fitting.setdefault(other, set()).add(place)
     return {name: pattern for name, pattern in found.items() if len(fitting[pattern]) >= min(2, len(places))}
+
+
+def pairs_by_number(names: Collection[str], robots: Sequence[str]) -> dict[str, str]:
+    """Return patterns of names with a robot and the number of another: /tb_1/range_2 is /{robot}/range_{other}.
+
+    Each robot has one of every other, and none of itself: /tb_1/sonar_1 is of no other.
+    """
+    numbers = numbers_of(robots)
+    found = pairs_with_places(names, robots, [*numbers])
+
+    def is_of_mates(pattern: str) -> bool:
+        every = product(robots, numbers)
+        return all((pattern.format(robot=a, other=n) in names) == (numbers[n] != a) for a, n in every)
+
+    return {name: pattern for name, pattern in found.items() if "{robot}" in pattern and is_of_mates(pattern)}
 
 
 def numbers_of(robots: Iterable[str]) -> dict[str, str]:

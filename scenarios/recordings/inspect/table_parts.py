@@ -123,7 +123,9 @@ def split_places(files: Sequence[CsvTable]) -> tuple[list[CsvTable], list[CsvTab
     """
     kept, found = list[CsvTable](), list[CsvTable]()
     for file in files:
-        other = next((g.column for g in file.guesses if g.quantity == "other"), "")
+        names = [g for g in file.guesses if g.quantity == "other"]
+        names += [g for g in file.guesses if g.quantity == "robot" and naming.is_anchor(g.column)]
+        other = names[0].column if names else ""
         named = file.words(other) if other else ()
         for x in [c for c in file.columns if named and "x" in naming.words_of(c)]:
             y = "y".join(x.rsplit("x", 1))

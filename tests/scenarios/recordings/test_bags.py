@@ -159,7 +159,14 @@ def test_of_three_robots_a_reading_must_say_whom_it_measured(tmp_path):
     with pytest.raises(BadInput, match="topic /uwb/red/blue does not say what was measured"):
         bags.read_run(path, "team", load(tmp_path, text))
     named = bags.read_run(path, "team", load(tmp_path, f'{text}other = "header.frame_id"\n'))
-    assert named.warnings == ("/uwb/red/blue: left out 20 readings of '': neither a robot of the team nor a place",)
+    assert named.warnings == ("/uwb/red/blue: left out 20 readings of '': neither a robot of the team nor an anchor",)
+
+
+def test_a_node_that_is_called_as_its_robot_is_read_once(tmp_path):
+    path, _ = made_bag(tmp_path, "mcap")
+    text = DESCRIPTION.replace("missing_from = -40.0", 'nodes = { red = "red", blue = "blue" }')
+    log = bags.read_run(path, "team", load(tmp_path, text))
+    assert len(log.readings["rssi"].time) == 20
 
 
 def test_each_bag_in_a_directory_is_a_run_and_a_directory_of_bags_is_one(tmp_path):

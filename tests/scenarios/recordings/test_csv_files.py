@@ -67,7 +67,7 @@ def test_what_was_written_is_read(sound):
 def test_a_range_to_a_place_is_one_of_an_anchor(lab):
     places = ", ".join(f"{name} = [{x}, {y}]" for name, (x, y) in ANCHORS.items())
     (warning,) = read(lab).warnings
-    assert "readings of 'east', 'north', 'south': neither a robot of the team nor a place" in warning
+    assert "readings of 'east', 'north', 'south': neither a robot of the team nor an anchor" in warning
     assert check_recording(read(lab)).findings[0].change.startswith("[anchors] places = ")
     log = read(lab, ("[fit]", f"[anchors]\nplaces = {{ {places} }}\n[fit]"))
     assert log.anchors.names == tuple(ANCHORS)

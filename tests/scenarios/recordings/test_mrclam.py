@@ -211,7 +211,7 @@ def test_robots_of_a_data_set_may_be_chosen_and_places_stand_in_its_files(data):
     (data / "log.toml").write_text('format = "mrclam"\nrobots = ["2"]')
     log = TeamFolder(data).log(data.name)
     assert (log.robots, [*log.readings]) == (("2",), ["landmark"])
-    assert any("of '1': neither a robot of the team nor a place" in line for line in log.warnings)
+    assert any("of '1': neither a robot of the team nor a landmark" in line for line in log.warnings)
     for text, said in (
         ('robots = ["2", "6"]', "there is no robot '6'; known are 1, 2"),
         ("[landmarks]\nplaces = { 5 = [0, 0] }", "has odometry, truth, readings and places in its files"),

@@ -202,7 +202,7 @@ def test_ranges_in_arrays_of_messages_that_are_not_standard_are_read_by_their_fi
     assert [len(ranges.time), {*ranges.values[:, 0]}] == [2 * 133, {4.25}]
     assert (ranges.robot != ranges.other).all()
     (left_out,) = {line.split("left out ")[1] for f in found.findings if "left out" in (line := f.fact)}
-    assert left_out == "66 readings of '101': neither a robot of the team nor a place"
+    assert left_out == "66 readings of '101': neither a robot of the team nor an anchor"
     with pytest.raises(BadInput, match=r"messages of /red/uwb have no field 'nodes\.dist'; .*nodes\.dis"):
         read_topics(tmp_path, {"/red/uwb": Fields(("nodes.dist",), ("nodes.id",))})
 
@@ -218,7 +218,7 @@ def test_numbers_that_a_robot_would_share_with_itself_are_of_anchors(tmp_path):
     bag_of_radios(tmp_path, messages())
     found = inspect_recording(tmp_path)
     assert "range" not in found.log.readings
-    assert any("'1', '2', '3': neither a robot of the team nor a place" in finding.fact for finding in found.findings)
+    assert any("'1', '2', '3': neither a robot of the team nor an anchor" in finding.fact for finding in found.findings)
 
 
 def test_messages_may_say_who_measured_whom_in_what_unit(tmp_path):

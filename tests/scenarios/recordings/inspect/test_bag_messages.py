@@ -23,6 +23,15 @@ DEFINITIONS = {
     "lab_msgs/msg/Ranges": "std_msgs/Header header\nlab_msgs/Identified[] ranges",
     "lab_msgs/msg/Arrays": "std_msgs/Header header\nstring[] ids\nfloat64[] distances",
     "lab_msgs/msg/Wheels": "std_msgs/Header header\nfloat64 linear_velocity\nfloat64 angular_velocity",
+    "uwb_msgs/msg/UwbRange": "std_msgs/Header header\nuint8 requester_id\nuint8 requester_idx\nuint8 responder_id\n"
+    "uint8 responder_idx\nfloat32 distance\nfloat32 distance_err\ngeometry_msgs/Point responder_location",
+    "rtls_msgs/msg/Range": "uint8 id\nfloat64 tof\nfloat64 ra",
+    "rtls_msgs/msg/Stick": "std_msgs/Header header\nrtls_msgs/Range[] ranges",
+    "lab_msgs/msg/Distance": "std_msgs/Header header\nuint32 distance\nint8 rss",
+    "vicon_msgs/msg/Subject": "std_msgs/Header header\nstring name\ngeometry_msgs/Point position\n"
+    "geometry_msgs/Quaternion orientation",
+    "vicon_msgs/msg/Marker": "string marker_name\nstring subject_name\ngeometry_msgs/Point translation",
+    "vicon_msgs/msg/Markers": "std_msgs/Header header\nvicon_msgs/Marker[] markers",
     "lab_msgs/msg/Place": "std_msgs/Header header\nfloat64 x\nfloat64 y\nfloat64 theta",
 }
 
@@ -54,7 +63,7 @@ def together(topic, name, fields):
 def ranges(topic, name, field="data", unit=1.0, more=lambda other: {}, wrap=lambda one: one):
     def messages(files):
         for t, robot, other, d in zip(*files["uwb.csv"].values(), strict=True):
-            value = round(d / unit) if "Int" in name else d / unit
+            value = round(d / unit) if unit < 1 else d
             yield topic.format(robot, other), name, t, wrap({field: value} | more(other))
 
     return messages
@@ -111,6 +120,12 @@ def on_globe(x, y, heading):
     return {"latitude": ORIGIN[0] + y / north, "longitude": ORIGIN[1] + x / east}
 
 
+def of_driver(robot):
+    """What a driver writes of a range between radios 201 and 202, beside the distance."""
+    measured = {"red": 202, "blue": 201}[robot]
+    return {"requester_id": 403 - measured, "responder_id": measured, "requester_idx": 1, "distance_err": 0.1}
+
+
 G, ESTIMATES = "geometry_msgs/msg/", ("amcl/{}", "{}/local_position")
 USUAL = {
     "odometry": odometry("/{}/odom", "nav_msgs/msg/Odometry", lambda v, w: {
@@ -147,6 +162,14 @@ HABITS = {
         wrap=lambda one: {"ranges": [one]})},
     "arrays side by side": {"ranges": ranges("/{}/uwb", "lab_msgs/msg/Arrays", "distances", more=lambda r: {"ids": [r]},
         wrap=lambda one: one | {"distances": np.array([one["distances"]])})},
+    "numbers of its own": {"ranges": ranges("/uwb", "uwb_msgs/msg/UwbRange", "distance", more=of_driver)},
+    "times of flight": {"ranges": ranges("/{}/sticks", "rtls_msgs/msg/Stick", "ra", more=lambda r: {
+        "id": {"blue": 1, "red": 2}[r], "tof": 3e-8}, wrap=lambda one: {"ranges": [one]})},
+    "a type of the lab": {"ranges": ranges("/{}/to/{}", "lab_msgs/msg/Distance", "distance", unit=1e-3)},
+    "a subject": {"truth": truth("/vicon/{}", "vicon_msgs/msg/Subject", lambda *at: {"name": "it"} | place(*at))},
+    "markers": {"truth": together("/vicon/markers", "vicon_msgs/msg/Markers", lambda poses: {"markers": [
+        {"marker_name": f"m{k}", "subject_name": name, "translation.x": x, "translation.y": y}
+        for name, (x, y, _) in poses.items() for k in (1, 2)]})},
     "a filter": {"odometry": beside_a_filter},
     "poses of a camera": {"odometry": truth("/{}/orb_slam3/pose", f"{G}PoseStamped", posed)},
     "the only teammate": {"ranges": ranges("/{}/uwb/range", "sensor_msgs/msg/Range", "range")},
@@ -211,6 +234,26 @@ def test_what_a_camera_detected_is_drafted_in_its_axes_and_text_is_named(tmp_pat
     seen = found.log.readings["sighting"].values
     np.testing.assert_allclose(seen[:2], [[2.5, np.arctan2(1.5, 2.0)], [np.hypot(2.1, 1.5), np.arctan2(1.5, 2.1)]])
     assert any("not read: /uwb/data (std_msgs/msg/String)" in line for line in found.unused)
+
+
+def test_marks_without_places_are_named_and_the_stamps_are_those_of_their_messages(tmp_path):
+    files = two_robots(seconds=40)
+    made = [one for kind in ("odometry", "truth") for one in USUAL[kind](files)]
+    definitions = {"lab_msgs/msg/Fiducial": "int32 fiducial_id\ngeometry_msgs/Transform transform"}
+    definitions["lab_msgs/msg/Fiducials"] = "std_msgs/Header header\nlab_msgs/Fiducial[] transforms"
+    for k, (robot, t, x, y, heading) in enumerate(lines_of(files, "truth")):
+        far, bearing = np.hypot(4 - x, 9 - y), np.arctan2(9 - y, 4 - x) - heading
+        ahead, left = far * np.cos(bearing), far * np.sin(bearing)
+        seen = {"fiducial_id": 7, "transform.translation.x": ahead, "transform.translation.y": left}
+        made.append(
+            (f"/{robot}/fiducial_transforms", "lab_msgs/msg/Fiducials", t, {"transforms": [seen] * (k % 3 > 0)})
+        )
+    write_messages(tmp_path / "team", made, definitions)
+    *_, found = findings = inspect_recording(tmp_path).findings
+    assert {one.kind for one in findings} == {"dropped"}
+    assert not any("stamp" in one.fact for one in findings)
+    assert found.fact.endswith("readings of '7': neither a robot of the team nor a landmark")
+    assert found.change == "[landmarks] places = { NAME = [X, Y], ... }, of a landmark"
 
 
 def test_what_a_camera_saw_may_be_places_in_its_axes(tmp_path):
@@ -311,6 +354,22 @@ def test_landmarks_at_places_ahead_and_to_the_left_of_a_robot_are_sightings(tmp_
     found = inspect_recording(tmp_path)
     assert {channel: len(one.time) for channel, one in found.log.readings.items()} == {"landmark": 800}
     assert found.findings == ()
+
+
+def test_anchors_places_may_stand_in_each_message_of_a_tag(tmp_path):
+    files, rng = two_robots(seconds=40), np.random.default_rng(1)
+    made = [one for kind in ("odometry", "truth") for one in USUAL[kind](files)]
+    definitions = {"mdek_msgs/msg/Anchor": "string id\nfloat64 x\nfloat64 y\nfloat64 z\nfloat64 distanceFromTag"}
+    definitions["mdek_msgs/msg/Anchors"] = "std_msgs/Header header\nmdek_msgs/Anchor[] anchors"
+    for robot, t, x, y, _ in lines_of(files, "truth"):
+        far = {name: np.hypot(x - a, y - b) + rng.normal(0, 0.05) for name, (a, b) in PLACES.items()}
+        at = {name: {"id": name, "x": a, "y": b, "z": 2.0} for name, (a, b) in PLACES.items()}
+        seen = [at[name] | {"distanceFromTag": d} for name, d in far.items()]
+        made.append((f"/{robot}/dwm1001/anchors", "mdek_msgs/msg/Anchors", t, {"anchors": seen}))
+    write_messages(tmp_path / "team", made, definitions)
+    log = inspect_recording(tmp_path).log
+    assert log.anchors.names == (*PLACES,)
+    assert len(log.readings["anchor_range"].time) == 2 * len(lines_of(files, "truth"))
 
 
 def test_elements_of_an_array_are_of_whom_log_toml_says(tmp_path):

@@ -5,7 +5,13 @@ import pytest
 
 from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.recordings.inspect.columns import CsvTable, read_csv
-from cooploc.scenarios.recordings.inspect.naming import file_pattern, name_meaning, pairs_with_places, pattern_of_mates
+from cooploc.scenarios.recordings.inspect.naming import (
+    file_pattern,
+    name_meaning,
+    pairs_by_number,
+    pairs_with_places,
+    pattern_of_mates,
+)
 from cooploc.scenarios.recordings.inspect.table_parts import list_columns, name_estimates, parts_of
 
 LINES = 40
@@ -303,6 +309,9 @@ def test_a_distance_of_odometry_that_only_rises_is_what_was_driven_where_no_spee
         ({"to": "red", "rssi": [-50, "-", "n/a", -60] * 10}, ["other", "rssi"]),
         ({"rx": ["red", "blue"] * 20, "tx": ["blue", "red"] * 20, "rssi": -50}, ["robot", "other", "rssi"]),
         ({"a": [1, 2] * 20, "b": [2, 1] * 20, "dist": 3.0}, ["robot", "other", "range"]),
+        ({"requester_id": 1, "responder_id": 2, "responder_z": 0.0, "ra": 3.0}, ["robot", "other", "", "range"]),
+        ({"id": 2, "tof": [1e-8, 2e-8] * 20, "tof_distance": 3.0}, ["robot", "", "range"]),  # seconds
+        ({"id": ["A1", "A2"] * 20, "distanceFromTag": [3.5, 4.25] * 20}, ["robot", "range"]),
     ],
 )
 def test_a_quantity_may_follow_from_the_columns_beside(tmp_path, columns, quantities):
@@ -367,6 +376,18 @@ def test_columns_of_teammates_and_places_have_a_pattern(columns, pattern):
 )
 def test_topics_of_a_robot_and_each_place_have_a_pattern(names, places, pattern):
     assert pairs_with_places(names, ("red", "blue"), places) == dict.fromkeys(names * bool(pattern), pattern)
+
+
+@pytest.mark.parametrize(
+    ("names", "pattern"),
+    [
+        (["/tb_1/range_2", "/tb_2/range_1"], "/{robot}/range_{other}"),
+        (["/tb_1/range_2", "/tb_2/range_1", "/tb_1/range_1", "/tb_2/range_2"], ""),  # sonars of each robot
+        (["/tb_1/range_2"], ""),
+    ],
+)
+def test_topics_of_a_robot_and_the_number_of_each_other_have_a_pattern(names, pattern):
+    assert pairs_by_number(names, ("tb_1", "tb_2")) == dict.fromkeys(names * bool(pattern), pattern)
 
 
 @pytest.mark.parametrize(

@@ -410,7 +410,7 @@ def test_numbers_that_a_robot_would_share_with_itself_are_of_anchors(team):
         )
     found = cl.inspect(folder).inspected
     assert "range" not in found.log.readings
-    assert any("'1', '2', '3': neither a robot of the team nor a place" in finding.fact for finding in found.findings)
+    assert any("'1', '2', '3': neither a robot of the team nor an anchor" in finding.fact for finding in found.findings)
 
 
 def test_places_in_a_file_that_is_not_read_are_named(team):
