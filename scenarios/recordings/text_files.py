@@ -495,12 +495,12 @@ MISSING = {"", "-", "--", "na", "n/a", "none", "null"}  # what fields without a 
 def parse_field(field: str) -> float:
     """Return the number in a field, nan where it is one of `MISSING`, inf where it is not a number.
 
-    A comma may stand for the decimal point. A date is seconds since 1970 (UTC, if it names no other zone), a time of
-    day seconds since midnight.
+    A comma may stand for the decimal point, and " sec" after a number, as MATLAB writes it. A date is seconds since
+    1970 (UTC, if it names no other zone), a time of day seconds since midnight.
     """
     if field.lower() in MISSING:
         return np.nan
-    number = parse_number(field)
+    number = parse_number(field.removesuffix(" sec"))
     if np.isinf(number):
         number = parse_number(field.replace(",", ".", 1))
     return parse_date(field.replace(",", ".")) if np.isinf(number) and ":" in field else number

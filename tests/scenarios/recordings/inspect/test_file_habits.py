@@ -247,6 +247,7 @@ HABITS = {
     "nanoseconds": (changed(time=lambda t: (1e9 * t).round().astype("int64")), {"index": True}, None),
     "dates": (dates("%Y-%m-%dT%H:%M:%S.%fZ"), {}, None),
     "times of day": (dates("%H:%M:%S.%f"), {}, None),
+    "seconds of MATLAB": (changed(time=lambda t: t.map("{:.6f} sec".format)), {}, None),
     "quaternions": (quaternion(["qx", "qy", "qz", "qw"]), {}, None),
     "quaternions of EuRoC": (quaternion([f"q_RS_{q} []" for q in "xyzw"]), {}, None),
     "half quaternions": (quaternion(["pose.orientation.z", "pose.orientation.w"]), {}, None),
