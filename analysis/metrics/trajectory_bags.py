@@ -140,7 +140,8 @@ def _topics_of_robots(place: Path, kinds: Mapping[str, str], robots: Sequence[st
     """
     if not kinds:
         poses = f"a bag with poses, such as {' or '.join(POSES[:2])}"
-        raise BadInput(f"{place} holds no NAME.txt or NAME.csv, nor {poses}, a nav_msgs/Path or /tf")
+        remedy = "write messages of other types as NAME.csv, with time, x, y and heading"
+        raise BadInput(f"{place} holds no NAME.txt or NAME.csv, nor {poses}, a nav_msgs/Path or /tf; {remedy}")
     parts = {topic: topic.strip("/").split("/") for topic in kinds}
     true = [topic for topic in kinds if side_of(topic) == TRUTH and method not in {*parts[topic]} - {TRUTH}]
     own = (true if method == TRUTH else [topic for topic in kinds if topic not in true]) or [*kinds]

@@ -235,5 +235,5 @@ def test_bags_that_follow_one_another_are_parts_of_one_recording(truth, tmp_path
 
 def test_a_bag_without_poses_says_what_it_may_hold(truth, tmp_path):
     bag = write(tmp_path / "bag", [("/chatter", "std_msgs/msg/Float64", START, {"data": 1.0})])
-    with pytest.raises(BadInput, match=r"nor a bag with poses, such as .*, a nav_msgs/Path or /tf$"):
+    with pytest.raises(BadInput, match=r"nor a bag with poses, such as .*, a nav_msgs/Path or /tf; write .* NAME.csv"):
         judge_trajectories(truth, {"mine": bag})
