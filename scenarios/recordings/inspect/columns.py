@@ -281,12 +281,11 @@ def _with_y_up(table: CsvTable, guesses: list[Guess]) -> list[Guess]:
     """
     of = {g.quantity: g for g in guesses if g.quantity in ("x", "y") and g.side != "odometry"}
     z = "z".join(of["y"].column.rsplit("y", 1)) if len(of) == 2 else ""
-    columns = [v for c in ("x", "y") if z and not isinstance(v := table.columns.get(of[c].column, ()), tuple)]
-    depth = table.columns.get(z, ())
+    columns = [table.numbers(c) for c in (of["x"].column, of["y"].column, z) if c in table.columns] if z else []
     there = {g.quantity for g in guesses}
-    if len(columns) < 2 or isinstance(depth, tuple) or "other" in there or not {"time", "sec"} & there:
+    if len(columns) < 3 or not all(map(len, columns)) or "other" in there or not {"time", "sec"} & there:
         return guesses
-    wide, high, deep = (float(np.nanquantile(v, 0.98) - np.nanquantile(v, 0.02)) for v in (*columns, depth))
+    wide, high, deep = (float(np.quantile(v, 0.98) - np.quantile(v, 0.02)) for v in columns)
     if not high < LEVEL * min(wide, deep) or not min(wide, deep) > 1.0:
         return guesses
     unit, why = infer_unit("y", "", table.numbers(z), np.inf)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cooploc.estimators.errors import BadInput
-from cooploc.scenarios.recordings.inspect.columns import CsvTable, read_csv
+from cooploc.scenarios.recordings.inspect.columns import CsvTable, read_csv, table_of_fields
 from cooploc.scenarios.recordings.inspect.naming import (
     file_pattern,
     name_meaning,
@@ -158,6 +158,17 @@ def test_of_two_columns_of_names_the_one_that_differs_says_whose_lines_they_are(
     assert [found[name].quantity for name in ("agent_role", "agent_id")] == ["", "robot"]
     found = guessed(tmp_path, columns | {"range": ANGLE})  # of a follower to two others
     assert [found[name].quantity for name in ("agent_role", "agent_id")] == ["robot", "other"]
+
+
+@pytest.mark.parametrize("nothing", [np.nan, np.inf])
+def test_a_column_without_a_finite_number_is_no_height(nothing):
+    t = np.arange(40.0)
+    fields = {"time": t, "x": 5 * np.sin(t), "y": [1.0] * 39 + [nothing], "z": [nothing] * 40}
+    found = {
+        guess.column: guess.quantity
+        for guess in table_of_fields("/poses", {n: [*v] for n, v in fields.items()}).guesses
+    }
+    assert (found["x"], found["y"]) == ("x", "y")
 
 
 def test_lists_in_fields_are_named(tmp_path):
