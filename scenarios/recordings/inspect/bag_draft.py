@@ -225,8 +225,19 @@ def _topic_about(robot: str, topics: Sequence[str]) -> str:
         parts = re.findall(r"([A-Za-z]+)[_-]?(\d+)", topic.lower()) if kind else ()
         return any(kind and int(n) == int(kind[2]) and word.startswith(kind[1].lower()[:4]) for word, n in parts)
 
-    rules = (lambda topic: bool(whole.search(topic)), lambda topic: robot in topic, has_number)
+    rules = (lambda topic: bool(whole.search(topic)), lambda topic: _names(topic, robot), has_number)
     return next((topic for rule in rules for topic in topics if rule(topic)), "")
+
+
+def _names(topic: str, robot: str) -> bool:
+    """Return whether a robot's name is in a topic: robot_1 is not in /robot_12/odom."""
+    return bool(re.search(rf"{re.escape(robot)}(?!\d)", topic))
+
+
+def _robot_of(topic: str, robots: Sequence[str]) -> str:
+    """Return the robot whose name is in a topic, or the only one; "" where there is none."""
+    there = [robot for robot in robots if _names(topic, robot)]
+    return max(there, key=len, default=robots[0] if len(robots) == 1 else "")
 
 
 def _pair(topic: str) -> tuple[str, str] | None:
@@ -331,7 +342,7 @@ def _readings_of_fields(
     by_number = pairs_by_number(of_fields, robots)
     by_topic = by_number | pairs_with_places(of_fields, robots, fixed) | pairs_of_robots(of_fields, robots, "range")
     for topic, table in of_fields.items():
-        own = next((robot for robot in robots if robot in topic or len(robots) == 1), "")
+        own = _robot_of(topic, robots)
         whose, things = ([g for g in table.guesses if g.quantity == name] for name in ("robot", "other"))
         if len(ends := [*whose, *things]) > (not own):
             other = things[0] if things and (own or whose) else ends[-1]
@@ -396,7 +407,7 @@ def _ranges_by_frame(
     """Return the fields of sensor_msgs/Range in robots' own topics where the frames are what was measured."""
     found = {}
     for topic, table in tables.items():
-        own = next((robot for robot in robots if robot in topic or len(robots) == 1), "")
+        own = _robot_of(topic, robots)
         named = {part for word in table.names(FRAME) for part in word.split("/")}
         if own and own not in named and named & {*robots, *fixed}:  # sonar_1 is of no robot
             why = "the frames of its headers are robots or places"
@@ -491,7 +502,7 @@ def _topics_of_one(left: Sequence[str], robots: Sequence[str]) -> dict[str, str]
     found = dict[str, str]()
     for is_rssi in (False, True):
         kind = [t for t in left if (name_meaning(t)[0] == "rssi") == is_rssi]
-        each = {robot: [t for t in kind if _topic_about(robot, [t]) and robot in t] for robot in robots}
+        each = {robot: [t for t in kind if _names(t, robot)] for robot in robots}
         patterns = {t.replace(robot, "{robot}") for robot, own in each.items() for t in own}
         if len(robots) == 2 and len(patterns) == 1 and all(len(own) == 1 for own in each.values()):
             found |= {own[0]: pattern for own in each.values() for pattern in patterns}

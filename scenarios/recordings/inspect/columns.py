@@ -352,10 +352,11 @@ def _guess(table: CsvTable, column: str, file_side: str) -> Guess:
     reason, values = f"its name {column!r}", table.numbers(column)
     side = file_side if file_side and not {*naming.words_of(column)} & naming.CERTAIN else own_side
     about = naming.name_meaning(Path(table.name).stem)[0]
-    if quantity == "other" and about in ("range", "rssi") and len({*values.tolist()}) > FLAGS:
-        quantity, reason = about, f"{reason}, in a file of that name"
     change = np.diff(values)
     beside = {naming.name_meaning(name)[::2] for name in table.columns}
+    of_many = len({*values.tolist()}) > FLAGS and about not in dict(beside)
+    if quantity == "other" and about in ("range", "rssi") and of_many:
+        quantity, reason = about, f"{reason}, in a file of that name"
     places = [name for name in (column[:-1] + q for q in "xy") if name in table.columns]
     unknown = ""
     named = [naming.QUANTITY.get(word, "") for word in naming.words_of(column)]
