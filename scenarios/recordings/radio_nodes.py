@@ -5,9 +5,9 @@ nodes by the distance d of the two things that carry them and a bias b of the pa
 
     e = median |r - d - b|,    b = median(r - d), but within `BIASES`,
 
-and the best assignment has the least mean of e over the pairs of carriers, and of carriers and known places. Medians,
-as ranges by radio have far outliers. Every carrier is taken to have a node (as long as there are nodes): name robots,
-not the furniture.
+and the best assignment has the least mean of e over the pairs of carriers, and of carriers and known places; a pair
+without ranges counts as 1 m, and its residual is of the others. Medians, as ranges by radio have far outliers. Every
+carrier is taken to have a node (as long as there are nodes): name robots, not the furniture.
 """
 
 from collections.abc import Mapping, Sequence
@@ -41,7 +41,7 @@ class Assignment(NamedTuple):
     """The best assignment, and how sure it is."""
 
     nodes: Mapping[str, str]  # carrier -> node
-    residual: float  # [m] mean over the pairs of carriers
+    residual: float  # [m] mean over the pairs of carriers with ranges
     second: float  # [m] of the best assignment that differs; nan where there is none
     others: tuple[str, ...]  # nodes on no carrier
 
@@ -75,9 +75,16 @@ def assign(
                 )
         tried = sorted(longer, key=lambda one: one[1])[:BEAM]
     pairs = carried * (carried - 1) / 2 * misfit.any() + carried * alone.any()
+    measured = {frozenset((one.first, one.second)) for one in ranges}
+
+    def residual(places: tuple[int, ...], cost: float) -> float:  # without pairs that are too far apart for ranges
+        there = combinations([node for node, place in zip(nodes, places, strict=True) if place >= 0], 2)
+        lost = sum(frozenset(pair) not in measured for pair in there) if misfit.any() else 0
+        return (cost - lost * NOT_MEASURED) / (pairs - lost) if pairs > lost else NOT_MEASURED
+
     found = {names[i]: nodes[k] for i, k in sorted((i, k) for k, i in enumerate(tried[0][0]) if i >= 0)}
-    second = tried[1][1] / pairs if len(tried) > 1 else np.nan
-    return Assignment(found, tried[0][1] / pairs, second, tuple(node for node in nodes if node not in found.values()))
+    best, second = residual(*tried[0]), residual(*tried[1]) if len(tried) > 1 else np.nan
+    return Assignment(found, best, second, tuple(node for node in nodes if node not in found.values()))
 
 
 def _misfits_of_places(

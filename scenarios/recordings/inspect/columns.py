@@ -54,8 +54,8 @@ class CsvTable(NamedTuple):
         return [*self.columns] == [f"{k}" for k in range(1, len(self.columns) + 1)]
 
     def numbers(self, column: str) -> Array:
-        """Return a column's finite numbers, in order; none of a column of words."""
-        values = self.columns[column]
+        """Return a column's finite numbers, in order; none of a column of words, or that is not there."""
+        values = self.columns.get(column, ())
         return np.empty(0) if isinstance(values, tuple) else values[np.isfinite(values)]
 
     def names(self, column: str) -> list[str]:
@@ -119,7 +119,7 @@ def _numbers_or_words(words: tuple[str, ...]) -> Array | tuple[str, ...]:
     """Return a column's numbers, nan where there is none, if most of its fields are; else its fields."""
     numbers = parse_fields(words)
     good, filled = np.isfinite(numbers), (~np.isnan(numbers)).sum()
-    return np.where(good, numbers, np.nan) if filled and good.sum() >= 0.9 * filled else words
+    return np.where(good, numbers, np.nan) if good.sum() >= 0.9 * filled else words
 
 
 def _kinds_of_lines(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
@@ -281,9 +281,9 @@ def _with_y_up(table: CsvTable, guesses: list[Guess]) -> list[Guess]:
     """
     of = {g.quantity: g for g in guesses if g.quantity in ("x", "y") and g.side != "odometry"}
     z = "z".join(of["y"].column.rsplit("y", 1)) if len(of) == 2 else ""
-    columns = [table.numbers(c) for c in (of["x"].column, of["y"].column, z) if c in table.columns] if z else []
+    columns = [table.numbers(c) for c in (of["x"].column, of["y"].column, z)] if z else [np.empty(0)]
     there = {g.quantity for g in guesses}
-    if len(columns) < 3 or not all(map(len, columns)) or "other" in there or not {"time", "sec"} & there:
+    if not all(map(len, columns)) or "other" in there or not {"time", "sec"} & there:
         return guesses
     wide, high, deep = (float(np.quantile(v, 0.98) - np.quantile(v, 0.02)) for v in columns)
     if not high < LEVEL * min(wide, deep) or not min(wide, deep) > 1.0:

@@ -132,8 +132,8 @@ def _name_mates(files: Sequence[CsvTable], robots: Sequence[str], fixed: Sequenc
             continue
         renamed = []
         for file, some in zip(files, columns, strict=True):
-            names = dict.fromkeys(some, pattern)
-            file = file._replace(columns={names.get(name, name): values for name, values in file.columns.items()})
+            order = dict.fromkeys([*(c for c in some if not len(file.numbers(c))), *file.columns])  # never heard: first
+            file = file._replace(columns={pattern if c in some else c: file.columns[c] for c in order})
             renamed.append(file._replace(guesses=infer_columns(file)))
         files = renamed
     return list(files)

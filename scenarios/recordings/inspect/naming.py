@@ -181,16 +181,17 @@ def pairs_with_places(names: Iterable[str], robots: Sequence[str], places: Seque
 def pairs_by_number(names: Collection[str], robots: Sequence[str]) -> dict[str, str]:
     """Return patterns of names with a robot and the number of another: /tb_1/range_2 is /{robot}/range_{other}.
 
-    Each robot has one of every other, and none of itself: /tb_1/sonar_1 is of no other.
+    Each robot has one of another, and none of itself: /tb_1/sonar_1 is of no other.
     """
-    numbers = numbers_of(robots)
-    found = pairs_with_places(names, robots, [*numbers])
+    numbers, found = numbers_of(robots), dict[str, list[str]]()
+    for name, pattern in pairs_with_places(names, robots, [*numbers]).items():
+        found.setdefault(pattern, []).append(name)
 
     def is_of_mates(pattern: str) -> bool:
-        every = product(robots, numbers)
-        return all((pattern.format(robot=a, other=n) in names) == (numbers[n] != a) for a, n in every)
+        there = [(a, numbers[n]) for a, n in product(robots, numbers) if pattern.format(robot=a, other=n) in names]
+        return all({*ends} == {*robots} for ends in zip(*there, strict=True)) and all(a != b for a, b in there)
 
-    return {name: pattern for name, pattern in found.items() if "{robot}" in pattern and is_of_mates(pattern)}
+    return {name: p for p, some in found.items() if "{robot}" in p and is_of_mates(p) for name in some}
 
 
 def numbers_of(robots: Iterable[str]) -> dict[str, str]:
@@ -233,7 +234,12 @@ def file_pattern(files: Sequence[str], known: Sequence[str] = ()) -> tuple[str, 
             patterns.setdefault(re.sub(whole_word, "{robot}", stem) + dot + ending, []).append(word)
     if len(files) == 1:
         patterns = {pattern: words for pattern, words in patterns.items() if words[0] in known}
-    best = max(patterns, key=lambda pattern: (len(patterns[pattern]), len(pattern)), default=files[0])
+
+    def order(pattern: str) -> tuple[int, bool, int]:
+        is_part = "".join(patterns[pattern]).isdigit() and re.search(r"[A-Za-z]\d+[_\-. ]?\{robot\}", pattern)
+        return len(patterns[pattern]), not is_part, len(pattern)  # of tb3_0 the robot is not 0
+
+    best = max(patterns, key=order, default=files[0])
     robots = patterns.get(best, [])
     return (best, tuple(dict.fromkeys(robots))) if len(robots) > 1 or len(files) == len(robots) else (files[0], ())
 
@@ -242,13 +248,15 @@ def match_names(words: Iterable[str], robots: Sequence[str]) -> dict[str, str]:
     """Return the robots that words mean, by equal letters and digits, else last number, last word, or first word.
 
     A robot that is among the words by its own name is not meant by another: beside robot1, a1 is an anchor. As many
-    numbers as robots, but for one more or less each, are theirs in order: 1, 2 and 3 of tb3_0, tb3_1 and tb3_2.
+    numbers as robots, but for one more or less each, are theirs in order: 1, 2 and 3 of tb3_0, tb3_1 and tb3_2; where
+    robots are called by numbers, if one of both counts from 0.
     """
     found, words = dict[str, str](), list(dict.fromkeys(words))
     nameless, numbers, own = [r for r in robots if r not in words], numbers_of(robots), numbers_of(words)
-    if len(own) == len(words) == len(nameless) > 1 and len({re.sub(r"\d+$", "", word) for word in words}) == 1:
+    if len(own) == len(words) == len(numbers) > 1 and len({re.sub(r"\d+$", "", word) for word in words}) == 1:
         counted, known = (sorted(map(int, some)) for some in (own, numbers))
-        if [n - counted[0] for n in counted] == [n - known[0] for n in known] and abs(counted[0] - known[0]) == 1:
+        is_next = [n - counted[0] for n in counted] == [n - known[0] for n in known] and abs(counted[0] - known[0]) == 1
+        if is_next and (len(nameless) == len(words) or 0 in (counted[0], known[0])):
             return {own[str(a)]: numbers[str(b)] for a, b in zip(counted, known, strict=True)}
     forms = (
         letters_of,

@@ -339,6 +339,8 @@ def test_a_quantity_may_follow_from_the_columns_beside(tmp_path, columns, quanti
         (["red/odom_red.csv", "blue/odom_blue.csv"], "{robot}/odom_{robot}.csv", ("red", "blue")),
         (["robot1.csv", "robot2.csv", "robot10.csv"], "{robot}.csv", ("robot1", "robot2", "robot10")),
         (["odom_turtle_1.csv", "odom_wolf_2.csv"], "odom_{robot}.csv", ("turtle_1", "wolf_2")),
+        (["odom_tb3_0.csv", "odom_tb3_1.csv"], "odom_{robot}.csv", ("tb3_0", "tb3_1")),
+        (["odom_robot_0.csv", "odom_robot_1.csv"], "odom_robot_{robot}.csv", ("0", "1")),
         (["odom_husky 1.csv", "odom_jackal 1.csv"], "odom_{robot} 1.csv", ("husky", "jackal")),
         (["all.csv"], "all.csv", ()),
     ],

@@ -395,6 +395,7 @@ def test_beside_a_robot_by_its_name_a_number_is_of_no_robot():
     assert match_names(["2", "1", "3"], [*counted_from_one.values()]) == counted_from_one
     assert match_names(["1", "2"], [*counted_from_one.values()]) == {"1": "tb3_1", "2": "tb3_2"}
     assert match_names(["2", "3", "4"], ["1", "2", "3"]) == {}  # two of them are robots by their names
+    assert match_names(["0", "1", "2"], ["1", "2", "3"]) == {"0": "1", "1": "2", "2": "3"}  # counted from 0
     assert match_names(["robot1", "robot0"], ["Robot1", "Robot2"]) == {"robot0": "Robot1", "robot1": "Robot2"}
     assert match_names(["robot1", "robot2"], ["Robot1", "Robot2"]) == {"robot1": "Robot1", "robot2": "Robot2"}
     assert match_names(["a0", "b1"], ["tb_1", "tb_2"]) == {"b1": "tb_1"}  # called otherwise, they are not counted
