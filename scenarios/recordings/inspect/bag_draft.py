@@ -137,7 +137,7 @@ def _truth_topics(wheels: Collection[str], poses: Sequence[str], states: Collect
     """Return the topics of true poses by robot, of `states` first; of a single robot its name need not be there."""
     certain = [name for name in poses if name in states]
     about = {robot: _topic_about(robot, certain) or _topic_about(robot, poses) for robot in wheels}
-    truth = {robot: name for robot, name in about.items() if name}
+    truth = {robot: name for robot, name in about.items() if name} or _topics_by_number([*wheels], poses)
     return truth or ({robot: name for robot in wheels for name in certain} if len(wheels) == 1 else {})
 
 
@@ -227,6 +227,17 @@ def _topic_about(robot: str, topics: Sequence[str]) -> str:
 
     rules = (lambda topic: bool(whole.search(topic)), lambda topic: _names(topic, robot), has_number)
     return next((topic for rule in rules for topic in topics if rule(topic)), "")
+
+
+def _topics_by_number(robots: Sequence[str], topics: Sequence[str]) -> dict[str, str]:
+    """Return the topic of each robot, if they are alike but for the last number: /mocap_2 of robot_2; else none."""
+    numbers, found = numbers_of(robots), dict[str, dict[str, str]]()
+    for topic in topics:
+        for number in re.findall(r"\d+", topic)[-1:]:
+            if robot := numbers.get(str(int(number))):
+                found.setdefault("{}".join(topic.rsplit(number, 1)), {})[robot] = topic
+    whole = [of for of in found.values() if {*of} == {*robots}]
+    return whole[0] if len(whole) == 1 else {}
 
 
 def _names(topic: str, robot: str) -> bool:

@@ -2,6 +2,7 @@
 
 import re
 import tomllib
+from collections import Counter
 from collections.abc import Collection, Iterable, Sequence
 from importlib.resources import files as resources
 from itertools import pairwise, permutations, product
@@ -145,17 +146,21 @@ def pairs_of_robots(names: Iterable[str], robots: Sequence[str], quantity: str =
     They are of ranges or RSSI by their words, or by the `quantity` that their file is about. Where d1_A1 stands beside
     d1_A2, A2 is an anchor.
     """
-    found, names = dict[str, str](), list(names)
+    fitting, names = dict[str, list[str]](), list(names)  # name -> its patterns
     for a, b in permutations(map(re.escape, robots), 2):
         pair = re.compile(rf"(?<![A-Za-z0-9]){a}(\D*?){b}(?![A-Za-z0-9])|(?<=[A-Za-z]){a}(\D*?){b}(?!\d)")
         for name in names:
             pattern = pair.sub(lambda m: f"{{robot}}{m[1] or m[2] or ''}{{other}}", name)
-            meaning = name_meaning(pattern)[0]
+            meaning = name_meaning(pattern)[0] if pattern != name else ""
             about = quantity if meaning in ("", "robot", "other") else meaning  # "other" by the word "to"
             if pattern != name and about in ("range", "rssi"):
                 itself = any(pattern.replace("{robot}", r).replace("{other}", r) in names for r in robots)
                 if not (itself and re.search(r"\{robot\}.*[A-Za-z].*\{other\}", pattern)):
-                    found[name] = pattern
+                    fitting.setdefault(name, []).append(pattern)
+    of_names = Counter(pattern for patterns in fitting.values() for pattern in patterns)
+    found = {
+        name: max(patterns, key=of_names.__getitem__) for name, patterns in fitting.items()
+    }  # tb_12 is not 1 and 2
     own = {
         p.replace("{robot}", r).replace("{other}", r): p for p in {*found.values()} for r in robots
     }  # d11 beside d12

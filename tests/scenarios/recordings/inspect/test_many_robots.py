@@ -81,22 +81,32 @@ MESSAGES = {
     ),
     "one topic": lambda i, j, d: ("/uwb", "lab_msgs/msg/Link", {"src_id": i, "dst_id": j, "distance": d}),
     "other numbers": lambda i, j, d: ("/uwb", "lab_msgs/msg/Link", {"src_id": i + 32, "dst_id": j + 32, "distance": d}),
+    "names": lambda i, j, d: (f"/uwb/robot_{i}/robot_{j}", "sensor_msgs/msg/Range", {"range": d}),
     "a topic of two": lambda i, j, d: (f"/robot_{i}/range_{j}", "sensor_msgs/msg/Range", {"range": d}),
 }
 
 
+TOPICS = {
+    "names": ("/robot_{}/odom", "/mocap/robot_{}"),
+    "numbers": ("/robot_{}/odom", "/mocap_{}/pose"),
+    "numbers alone": ("/odom_robot_{}", "/pose_robot_{}"),
+}
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("form", MESSAGES)
-def test_ranges_in_bags_are_of_whom_they_name(tmp_path, form):
+@pytest.mark.parametrize(
+    ("topics", "form"), [*(("names", form) for form in MESSAGES), ("numbers", "names"), ("numbers alone", "names")]
+)
+def test_ranges_in_bags_are_of_whom_they_name(tmp_path, topics, form):
     t, pose, _, ranges = team()
+    odometry, truth = TOPICS[topics]
     made = []
     for i, k in itertools.product(range(N), range(len(t))):
         x, y, heading = pose[k, i]
-        for topic, kind, prefix in (
-            ("/robot_{}/odom", "nav_msgs/msg/Odometry", "pose.pose."),
-            ("/mocap/robot_{}", "geometry_msgs/msg/PoseStamped", "pose."),
-        ):
-            made.append((topic.format(i + 1), kind, t[k], pose_at(x, y, 0.1, heading, prefix)))
+        at = pose_at(x, y, 0.1, heading, "pose.")
+        made.append((truth.format(i + 1), "geometry_msgs/msg/PoseStamped", t[k], at))
+        at = pose_at(x, y, 0.0, heading, "pose.pose.")
+        made.append((odometry.format(i + 1), "nav_msgs/msg/Odometry", t[k], at))
     for when, i, j, d in ranges:
         topic, kind, fields = MESSAGES[form](i + 1, j + 1, d)
         made.append((topic, kind, when, fields))
