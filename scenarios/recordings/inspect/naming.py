@@ -157,10 +157,8 @@ def pairs_of_robots(names: Iterable[str], robots: Sequence[str], quantity: str =
                 itself = any(pattern.replace("{robot}", r).replace("{other}", r) in names for r in robots)
                 if not (itself and re.search(r"\{robot\}.*[A-Za-z].*\{other\}", pattern)):
                     fitting.setdefault(name, []).append(pattern)
-    of_names = Counter(pattern for patterns in fitting.values() for pattern in patterns)
-    found = {
-        name: max(patterns, key=of_names.__getitem__) for name, patterns in fitting.items()
-    }  # tb_12 is not 1 and 2
+    often = Counter(pattern for patterns in fitting.values() for pattern in patterns)
+    found = {name: max(some, key=often.__getitem__) for name, some in fitting.items()}  # tb_12 is not of 1 and 2
     own = {
         p.replace("{robot}", r).replace("{other}", r): p for p in {*found.values()} for r in robots
     }  # d11 beside d12
