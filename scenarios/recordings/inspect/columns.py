@@ -196,6 +196,10 @@ def infer_columns(table: CsvTable) -> tuple[Guess, ...]:
     if of_motion and 1 in count.values() and max(count.values()) > 1:  # agent_role beside agent_id
         why = "the same in all lines, beside names that differ"
         guesses = [g._replace(quantity="", reason=why) if count.get(g.column) == 1 else g for g in guesses]
+    lines = max((len(values) for values in table.columns.values()), default=0)
+    if {"time", "sec"} & {g.quantity for g in guesses} and FLAGS < lines in count.values():
+        why = "another in each line: it counts them"
+        guesses = [g._replace(quantity="", reason=why) if count.get(g.column) == lines else g for g in guesses]
     both = [g for g in guesses if g.quantity in NAMES or g.column.lower() in ENDS]  # robot1 and robot2, or i and j
     both.sort(key=lambda guess: naming.is_anchor(guess.column))  # a tag measures anchors
     if len(both) == 2 and not np.array_equal(table.columns[both[0].column], table.columns[both[1].column]):

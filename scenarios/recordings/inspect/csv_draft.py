@@ -209,7 +209,7 @@ def _robots(folder: Path, parts: Sequence[TablePart]) -> tuple[str, ...]:
     own = [part for part in parts if part.table in ("odometry", "truth")]
     if wide := next((file.robots for part in own for file in part.files if file.robots), ()):
         return wide
-    if column := next((part for part in own if "robot" in part.columns), None):
+    if column := next((part for part in own if "robot" in part.columns and not part.is_of_files), None):
         return tuple(map(naming.clean_name, column.names("robot")))
     for part in own:
         if names := naming.file_pattern(part.file_names)[1]:

@@ -18,6 +18,11 @@ def renamed(words):
     return lambda files: {name: table.rename(columns=words) for name, table in files.items()}
 
 
+def with_column(name, values):
+    """Another column in the files of odometry and truth, of a file's name and its number of lines."""
+    return lambda files: {f: t if f == "uwb.csv" else t.assign(**{name: values(f, len(t))}) for f, t in files.items()}
+
+
 def dates(form):
     return changed(time=lambda t: pd.to_datetime(t, unit="s").dt.round("us").dt.strftime(form))
 
@@ -247,6 +252,9 @@ HABITS = {
     "nanoseconds": (changed(time=lambda t: (1e9 * t).round().astype("int64")), {"index": True}, None),
     "dates": (dates("%Y-%m-%dT%H:%M:%S.%fZ"), {}, None),
     "times of day": (dates("%H:%M:%S.%f"), {}, None),
+    "a number of each robot": (with_column("id", lambda file, n: 7 + ("red" in file)), {}, None),
+    "one name of all": (with_column("vehicle", lambda file, n: "ours"), {}, None),
+    "a number of each line": (with_column("id", lambda file, n: np.arange(n)), {}, None),
     "seconds of MATLAB": (changed(time=lambda t: t.map("{:.6f} sec".format)), {}, None),
     "quaternions": (quaternion(["qx", "qy", "qz", "qw"]), {}, None),
     "quaternions of EuRoC": (quaternion([f"q_RS_{q} []" for q in "xyzw"]), {}, None),
