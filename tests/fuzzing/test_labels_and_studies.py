@@ -21,7 +21,7 @@ def one_of(text):
     return st.sampled_from(["", *text.split()])
 
 
-NAMES = st.one_of(st.sampled_from([*REAL, " ", "=1+1", "\x1b[2J"]), one_of("arll x.py ../x.py:Name"))
+NAMES = st.one_of(st.sampled_from([*REAL, " ", "=1+1", "\x1b[2J"]), one_of("arll x.py ../no_such_file.py:Name"))
 KEYS = one_of("particles gate M K window iterations decay lost alpha uses api")
 STRANGE = one_of("nan inf -inf 1e308 1e-308 -0 0x10 1_0 ٣ true [] {1..3} '")
 NUMBERS = st.one_of(st.integers(-5, 10**13).map(str), st.floats().map(str), STRANGE)
