@@ -197,7 +197,7 @@ def infer_columns(table: CsvTable) -> tuple[Guess, ...]:
         why = "the same in all lines, beside names that differ"
         guesses = [g._replace(quantity="", reason=why) if count.get(g.column) == 1 else g for g in guesses]
     lines = max((len(values) for values in table.columns.values()), default=0)
-    if {"time", "sec"} & {g.quantity for g in guesses} and FLAGS < lines in count.values():
+    if {"time", "sec"} & {g.quantity for g in guesses} and lines > FLAGS:
         why = "another in each line: it counts them"
         guesses = [g._replace(quantity="", reason=why) if count.get(g.column) == lines else g for g in guesses]
     both = [g for g in guesses if g.quantity in NAMES or g.column.lower() in ENDS]  # robot1 and robot2, or i and j

@@ -161,7 +161,8 @@ def name_radios(draft: Draft, log: TeamLog, place: Path, description: schema.Tea
         if not parts:
             continue
         lines = pd.concat(parts).query("a != '' and b != '' and a != b")
-        unknown = {*lines["a"], *lines["b"]} - {*log.robots, *fixed.names}
+        ends = {*lines["a"], *lines["b"]}
+        unknown = ends - {*log.robots, *fixed.names}
         if not 0 < len(unknown) <= MOST_RADIOS or len(truth) < 2:
             continue
         pairs = [
@@ -169,7 +170,7 @@ def name_radios(draft: Draft, log: TeamLog, place: Path, description: schema.Tea
             for _, own in lines.groupby(["a", "b"])
         ]
         found = assign(pairs, truth, known)
-        alike = isinstance(table, schema.RangesTable) and len(unknown) == len(found.nodes) == len(truth) == 2
+        alike = isinstance(table, schema.RangesTable) and unknown == ends and len(unknown) == len(truth) == 2
         if found.residual < (VAGUE if alike else min(VAGUE, found.second / SURE)):
             why = f"ranges fit the true distances to {found.residual:.2g} m, and the next best to {found.second:.2g} m"
             why = "two radios on two robots: which is whose makes no difference to ranges" if alike else why

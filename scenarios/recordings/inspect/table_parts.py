@@ -49,9 +49,9 @@ class TablePart(NamedTuple):
 
     @property
     def is_of_files(self) -> bool:
-        """Whether the files are called by robots, and each has but one name in its column: 7 in all of red.csv."""
+        """Whether the files are called by robots, and none has several names in its column: 7 in all of red.csv."""
         each = [file.names(self.columns["robot"].column) for file in self.files if "robot" in self.columns]
-        return len(naming.file_pattern(self.file_names)[1]) == len(each) > 1 and max(map(len, each)) == 1
+        return len(naming.file_pattern(self.file_names)[1]) == len(each) > 1 and max(map(len, each)) <= 1
 
     @property
     def file_names(self) -> list[str]:

@@ -356,6 +356,23 @@ def test_landmarks_at_places_ahead_and_to_the_left_of_a_robot_are_sightings(tmp_
     assert found.findings == ()
 
 
+@pytest.mark.parametrize(("anchored", "why"), [(False, "makes no difference to ranges"), (True, "the next best to")])
+def test_which_of_two_radios_is_whose_matters_where_they_measured_anchors(tmp_path, anchored, why):
+    files = two_robots(seconds=40)
+    made = [one for kind in ("odometry", "truth") for one in USUAL[kind](files)]
+    made += ranges("/uwb", "uwb_msgs/msg/UwbRange", "distance", more=of_driver)(files)
+    for robot, t, x, y, _ in lines_of(files, "truth") if anchored else ():
+        for k, (a, b) in enumerate(PLACES.values()):
+            ends = {"requester_id": {"blue": 201, "red": 202}[robot], "responder_id": 100 + k}
+            made.append(("/uwb", "uwb_msgs/msg/UwbRange", t, ends | {"distance": np.hypot(x - a, y - b)}))
+    lines = [f"{100 + k},{a},{b}\n" for k, (a, b) in enumerate(PLACES.values())]
+    write_messages(tmp_path / "team", made, DEFINITIONS)
+    (tmp_path / "anchors.csv").write_text("id,x,y\n" + "".join(lines))
+    text = inspect_recording(tmp_path).text
+    assert why in text
+    assert ('201 = "blue"' in text and '202 = "red"' in text) or not anchored
+
+
 def test_anchors_places_may_stand_in_each_message_of_a_tag(tmp_path):
     files, rng = two_robots(seconds=40), np.random.default_rng(1)
     made = [one for kind in ("odometry", "truth") for one in USUAL[kind](files)]

@@ -254,6 +254,7 @@ HABITS = {
     "times of day": (dates("%H:%M:%S.%f"), {}, None),
     "a number of each robot": (with_column("id", lambda file, n: 7 + ("red" in file)), {}, None),
     "one name of all": (with_column("vehicle", lambda file, n: "ours"), {}, None),
+    "a name that is empty": (with_column("name", lambda file, n: ""), {}, None),
     "a number of each line": (with_column("id", lambda file, n: np.arange(n)), {}, None),
     "seconds of MATLAB": (changed(time=lambda t: t.map("{:.6f} sec".format)), {}, None),
     "quaternions": (quaternion(["qx", "qy", "qz", "qw"]), {}, None),
