@@ -8,7 +8,7 @@ import re
 import reprlib
 import sys
 import traceback
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
@@ -125,3 +125,23 @@ def require(owner: Any, limits: Limits) -> None:
 def count_of(number: int, noun: str) -> str:
     """Return a number of things in words: "1 trial", "3 trials"."""
     return f"{number} {noun}{'' if number == 1 else 's'}"
+
+
+def first_of(names: Iterable[str], most: int = 3) -> str:
+    """Return names in words, of many the first ones and how many more there are: "red, blue, green and 5 more"."""
+    every = list(names)
+    return ", ".join(every[:most]) + f" and {len(every) - most} more" * (len(every) > most)
+
+
+FEW = 4  # remarks of one kind
+
+
+def shorten(remarks: Iterable[str]) -> Iterator[str]:
+    """Yield the first few of remarks that differ in robots and numbers alone, and how many more there are."""
+    kinds: dict[str, list[str]] = {}
+    for remark in remarks:
+        kinds.setdefault(re.sub(r"robot '.*?'|[-+]?\d[\d.e+-]*", "", remark), []).append(remark)
+    for alike in kinds.values():
+        yield from alike[:FEW]
+        if len(alike) > FEW:
+            yield f"{len(alike) - FEW} more like the last"

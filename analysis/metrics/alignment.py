@@ -4,8 +4,7 @@ Poses and stamps are matched and aligned as evo does (M. Grupp, github.com/Micha
 up to a largest difference.
 """
 
-import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from functools import reduce
 from pathlib import Path
@@ -16,7 +15,7 @@ from scipy.optimize import linear_sum_assignment
 
 from cooploc.analysis.metrics.trajectory_bags import TRUTH
 from cooploc.analysis.metrics.trajectory_files import Team, Trajectory, read_team
-from cooploc.estimators.errors import BadInput, nearest
+from cooploc.estimators.errors import BadInput, nearest, shorten
 from cooploc.estimators.interface import Array, Indices, Mask
 from cooploc.estimators.models import wrap
 
@@ -35,7 +34,6 @@ HELD, JUMP = 0.1, 3  # [m] that a robot moves while its true pose is held, and t
 EQUAL = 1e-6  # [m] poses that differ by less are the same
 ENOUGH = 20  # poses from which a path is fitted to other times, and other robots
 LOOKED_AT = 30  # robots whose names may be exchanged
-FEW = 4  # remarks of one kind, of different robots
 BLOCKS = 10  # into which ticks are cut, to see in which axes covariances fit
 
 
@@ -97,17 +95,6 @@ def _place_of_truth(truth: Path) -> tuple[Path, str]:
     if word != TRUTH and len(found) == 2 and repr(found[0]) == repr(found[1]):  # which compares nan, too
         raise BadInput(f"{place}: no column or topic has the word {word!r}: name one that is true, or leave it out")
     return place, word
-
-
-def shorten(remarks: Iterable[str]) -> Iterator[str]:
-    """Yield the first few of remarks that differ in robots and numbers alone, and how many more there are."""
-    kinds: dict[str, list[str]] = {}
-    for remark in remarks:
-        kinds.setdefault(re.sub(r"robot '.*?'|[-+]?\d[\d.e+-]*", "", remark), []).append(remark)
-    for alike in kinds.values():
-        yield from alike[:FEW]
-        if len(alike) > FEW:
-            yield f"{len(alike) - FEW} more like the last"
 
 
 def _common(

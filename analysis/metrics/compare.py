@@ -26,7 +26,7 @@ from cooploc.analysis.metrics.errors import (
 )
 from cooploc.analysis.metrics.statistics import FIXED, Interval
 from cooploc.estimators import nearest
-from cooploc.estimators.errors import BadInput
+from cooploc.estimators.errors import BadInput, first_of
 from cooploc.estimators.interface import Array
 from cooploc.estimators.label_syntax import drop_folders, shorten_labels
 from cooploc.scenarios.runner.run import Run
@@ -357,12 +357,8 @@ def reading_warnings(table: pd.DataFrame) -> list[str]:
     if differ.empty:
         return []
     named = differ.groupby("own", sort=False)["estimator"].unique()
-    parts = [f"{read} ({_first_names(list(map(drop_folders, names)))})" for read, names in named.items()]
+    parts = [f"{read} ({first_of(map(drop_folders, names))})" for read, names in named.items()]
     return [f"estimators differ in what they read, not in their methods alone: {', '.join(parts)}"]
-
-
-def _first_names(names: list[str]) -> str:
-    return ", ".join(names[:3]) + f" and {len(names) - 3} more" * (len(names) > 3)
 
 
 # ---- over time

@@ -29,7 +29,6 @@ from cooploc.analysis.metrics.alignment import (
     path_remarks,
     require_estimates,
     rotation,
-    shorten,
 )
 from cooploc.analysis.metrics.errors import demand_same, errors
 from cooploc.analysis.metrics.statistics import FIXED
@@ -41,7 +40,7 @@ from cooploc.analysis.metrics.trajectory_files import (
     team_files,
 )
 from cooploc.estimators import split_labels
-from cooploc.estimators.errors import BadInput
+from cooploc.estimators.errors import BadInput, shorten
 from cooploc.estimators.interface import Array, Mask
 from cooploc.estimators.label_syntax import parse
 from cooploc.estimators.models import wrap

@@ -22,7 +22,6 @@ from cooploc.estimators.errors import BadInput
 from cooploc.estimators.interface import Array
 from cooploc.scenarios.recordings import bag_storage
 from cooploc.scenarios.recordings.bag_storage import KINDS, Bag, Message, is_bag, stamp_of
-from cooploc.scenarios.recordings.bags import prefix_of
 from cooploc.scenarios.recordings.inspect.bag_draft import topics_by_robot
 from cooploc.scenarios.recordings.inspect.naming import match_names, side_of, words_of
 from cooploc.scenarios.recordings.sampling import interpolate
@@ -52,15 +51,15 @@ class BagPoses(NamedTuple):
 def read_poses(place: Path, robots: Sequence[str], method: str) -> tuple[dict[str, BagPoses], list[str]]:
     """Read the poses in a bag, or in those of a directory, by robot, and notes; of a damaged one what is recovered."""
     rows: dict[str, list[tuple[float, ...]]] = {}
-    path, paths, bags, notes = place, list[Path](), list[Bag](), list[str]()
+    path, paths, bags, notes = place, dict[Path, str](), list[Bag](), list[str]()
     with suppress(BadInput):  # where there is none
-        paths = bag_storage.bag_paths(place) if place.is_dir() or is_bag(place) else []
+        paths = bag_storage.bags_of_robots(place) if place.is_dir() or is_bag(place) else {}
     with ExitStack() as stack:
         try:
             for path in paths:
                 bags += _open_or_recover(path, stack, notes)
-            if len(bags) == len(paths) > 1 and bag_storage.overlap_in_time(paths):
-                bags = _name_after_robots(paths, bags, robots)
+            if any(paths.values()):
+                bags = _name_after_robots([*paths.values()], bags, robots)
             there = {t: kind for bag in bags for t, kind in bag.types.items() if bag.counts.get(t, 1)}
             poses = {t: kind for t, kind in there.items() if kind in POSES}
             paths_of = {t: PATH for t, kind in there.items() if kind == PATH and not PLANS & {*words_of(t)}}
@@ -104,7 +103,7 @@ def _open_or_recover(path: Path, stack: ExitStack, notes: list[str]) -> list[Bag
     return [bag._replace(counts=dict.fromkeys(bag.types, 0) | n) for (bag, _), n in zip(recovered, counts, strict=True)]
 
 
-def _name_after_robots(paths: Sequence[Path], bags: Sequence[Bag], robots: Sequence[str]) -> list[Bag]:
+def _name_after_robots(prefixes: Sequence[str], bags: Sequence[Bag], robots: Sequence[str]) -> list[Bag]:
     """Return bags that robots recorded at the same time, with topics that several have named after the bags.
 
     /odom in red.bag and in blue.bag is /red/odom and /blue/odom. Topics that name robots, and several true ones, which
@@ -130,7 +129,7 @@ def _name_after_robots(paths: Sequence[Path], bags: Sequence[Bag], robots: Seque
 
         return Bag(types, counts, messages, bag.decode)
 
-    return [renamed(bag, prefix_of(path)) for path, bag in zip(paths, bags, strict=True)]
+    return [renamed(bag, prefix) for bag, prefix in zip(bags, prefixes, strict=True)]
 
 
 def _topics_of_robots(place: Path, kinds: Mapping[str, str], robots: Sequence[str], method: str) -> dict[str, str]:

@@ -33,7 +33,7 @@ from cooploc.analysis.metrics.statistics import FIXED, Interval
 from cooploc.analysis.report.sentences import Standing, SweepChange, summary_sentence
 from cooploc.analysis.report.tables import Row, Table, TableColumn, number_column, read_toml, text_column, words
 from cooploc.estimators import nearest
-from cooploc.estimators.errors import BadInput, count_of
+from cooploc.estimators.errors import BadInput, count_of, first_of
 from cooploc.estimators.label_syntax import parse, shorten_labels
 from cooploc.estimators.listing import declares_bytes, setting_kind
 
@@ -261,9 +261,9 @@ def best(found: list[Standing], name: str = "best") -> Table:
             **_interval_values("rmse", one.rmse),
             **_interval_values("anees", one.anees),
             "ties": ", ".join(ties),
-            "some_ties": _first(ties, 8),
+            "some_ties": first_of(ties, 8),
             "barred": ", ".join(one.barred),
-            "some": _first(one.barred, 2),
+            "some": first_of(one.barred, 2),
             "alone": one.best if one.is_alone else "",
             "sentence": shorten_labels(summary_sentence(one)),
         }
@@ -272,10 +272,6 @@ def best(found: list[Standing], name: str = "best") -> Table:
     ]
     marks = {"data-scenario": "scenario", "data-best": "alone", "title": "sentence"}
     return Table(name, words("captions")["best"], columns, rows, marks)
-
-
-def _first(names: tuple[str, ...], most: int) -> str:
-    return ", ".join(names[:most]) + f" and {len(names) - most} more" * (len(names) > most)
 
 
 def _interval_values(name: str, found: Interval) -> dict[str, float]:

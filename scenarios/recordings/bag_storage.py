@@ -11,6 +11,7 @@ https://github.com/ros2/common_interfaces.
 """
 
 import dataclasses
+import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cache
@@ -23,6 +24,7 @@ from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
 from cooploc.estimators.errors import BadInput
+from cooploc.scenarios.recordings.text_files import NAMED_DATE, files_below
 
 METADATA = "metadata.yaml"
 ENDINGS = (".bag", ".db3", ".mcap")
@@ -60,16 +62,16 @@ def is_bag(path: Path) -> bool:
     return (path.is_file() and path.suffix.lower() in ENDINGS) or (path / METADATA).is_file()
 
 
-def overlap_in_time(bags: Sequence[Path]) -> bool:
-    """Return whether several intact bags were recorded at the same time, as by each robot of a team.
+def _overlap_in_time(groups: Collection[Sequence[Path]]) -> bool:
+    """Return whether several intact bags, or parts of such, were recorded at the same time, as by each robot of a team.
 
     Clocks of a simulation begin at zero in each of its runs, and say nothing; nor do those of robots that do not know
     the date, but a robot's own bag does not have the odometry of two.
     """
     spans, odometry = [], list[set[str]]()
-    for bag in bags if len(bags) > 1 else ():
+    for bags in groups if len(groups) > 1 else ():
         try:
-            with AnyReader([bag], default_typestore=typestore(Stores.ROS2_HUMBLE)) as reader:
+            with AnyReader(bags, default_typestore=typestore(Stores.ROS2_HUMBLE)) as reader:
                 spans.append((reader.start_time, reader.end_time))
                 odometry.append({c.topic for c in reader.connections if c.msgtype == ODOMETRY})
         except Exception:  # rosbags raises whatever its parsers raise
@@ -85,14 +87,40 @@ def bag_paths(path: Path) -> list[Path]:
     if path.is_file() or is_bag(path):
         return [path]
     inside = sorted(path.iterdir())
-    found = [p for p in inside if is_bag(p)] or [p for folder in inside if folder.is_dir() for p in _bags_in(folder)]
+    found = [p for p in inside if is_bag(p)] or [bag for p in inside if p.is_dir() for bag in _bags_below(p)]
     if not found:
         raise BadInput(NO_BAG.format(path))
     return found
 
 
-def _bags_in(folder: Path) -> list[Path]:
-    return sorted(p for p in folder.iterdir() if is_bag(p))
+def _bags_below(folder: Path) -> list[Path]:
+    if is_bag(folder):
+        return [folder]
+    there = sorted({at for file in files_below(folder) for at in (file, file.parent) if is_bag(at)})
+    return [bag for bag in there if bag.parent not in there]
+
+
+def bags_of_robots(path: Path) -> dict[Path, str]:
+    """Return the bags at a path, each with the first part of the topics' names if each robot recorded its own.
+
+    That part is the name of the bag, or of the directory in which the robot's bags are, without a date; where red_0 and
+    red_1 are parts of one recording, without their numbers. It is "" of bags that do not overlap in time.
+    """
+    bags = bag_paths(path)
+    tops = [bag.relative_to(path).parts[0] if bag != path else "" for bag in bags]
+    names = [Path(top).stem if Path(top).suffix.lower() in ENDINGS else top for top in tops]
+    groups: dict[str, list[Path]] = {}
+    for number in ("$", r"[-_]\d+$"):
+        groups = {}
+        for bag, name in zip(bags, names, strict=True):
+            groups.setdefault(re.sub(number, "", name), []).append(bag)
+        if _overlap_in_time(groups.values()):
+            break
+    else:
+        return dict.fromkeys(bags, "")
+    undated = {name: NAMED_DATE.sub("", name).replace("rosbag2", "").strip("-_. ") for name in groups}
+    own = undated if len({*undated.values()} - {""}) == len(groups) else {name: name for name in groups}
+    return {bag: "/" + re.sub(r"[^\w.-]+", "_", own[name]) for name, some in groups.items() for bag in some}
 
 
 def storage_files(bag: Path) -> list[Path]:

@@ -10,7 +10,7 @@ Columns may be fields of messages of any type whose definition is in the bag, as
 
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from itertools import permutations, product
 from pathlib import Path
@@ -69,22 +69,16 @@ def keep_what_is_read() -> Iterator[None]:
 
 def read_content(path: Path, wanted: Wanted | None) -> Content:
     """Read all messages of the topics in `wanted`; or of all topics (None) only when they were received."""
-    bags = bag_storage.bag_paths(path)
-    together = {bag: prefix_of(bag) for bag in bags} if bag_storage.overlap_in_time(bags) else {}
+    bags = bag_storage.bags_of_robots(path)
     if wanted is not None:
-        wanted = {name.removeprefix(own): of for own in (*together.values(), "") for name, of in wanted.items()}
-    contents, warnings = list[dict[str, Topic]](), list[str]()
-    for bag in bags:
+        wanted = {name.removeprefix(own): of for own in (*bags.values(), "") for name, of in wanted.items()}
+    contents, warnings = dict[str, list[Mapping[str, Topic]]](), list[str]()
+    for bag, own in bags.items():
         parts = _parts(bag, wanted) if wanted is None else _kept_parts(bag, wanted)
-        contents.append(_merge(path, [found for found, _ in parts]))
+        contents.setdefault(own, []).extend(found for found, _ in parts)
         warnings += [line for _, told in parts for line in told]
-    contents = _distinguish_topics([*together.values()], contents) if together else contents
-    return _merge(path, contents), list(dict.fromkeys(warnings))
-
-
-def prefix_of(bag: Path) -> str:
-    """Return the name of a bag without its ending, as the first part of a topic's name."""
-    return "/" + re.sub(r"[^\w.-]+", "_", bag.stem if bag.is_file() else bag.name)
+    merged = {own: _merge(path, some) for own, some in contents.items()}
+    return _merge(path, _distinguish_topics(merged)), list(dict.fromkeys(warnings))
 
 
 def _merge(path: Path, contents: Sequence[Mapping[str, Topic]]) -> dict[str, Topic]:
@@ -101,15 +95,15 @@ def _merge(path: Path, contents: Sequence[Mapping[str, Topic]]) -> dict[str, Top
     return topics
 
 
-def _distinguish_topics(owns: Sequence[str], contents: Sequence[Mapping[str, Topic]]) -> list[dict[str, Topic]]:
+def _distinguish_topics(contents: Mapping[str, Mapping[str, Topic]]) -> list[dict[str, Topic]]:
     """Return the topics of bags that robots recorded at the same time, those that several share named after the bags.
 
     /odom in red.bag and in blue.bag is /red/odom and /blue/odom. Of one topic that was recorded several times, as the
-    truth may be by each robot, the longest recording stays.
+    truth may be by each robot, the longest recording stays. `contents` are the topics of each robot's bags.
     """
-    named: list[dict[str, Topic]] = [{} for _ in contents]
-    for name in dict.fromkeys(name for content in contents for name in content):
-        there = {k: content[name] for k, content in enumerate(contents) if name in content}
+    named: dict[str, dict[str, Topic]] = {own: {} for own in contents}
+    for name in dict.fromkeys(name for content in contents.values() for name in content):
+        there = {own: content[name] for own, content in contents.items() if name in content}
         heard = {k: topic for k, topic in there.items() if topic.received}
         by_length = sorted(heard, key=lambda k: len(heard[k].received))
         if len(heard) < 2:
@@ -119,8 +113,8 @@ def _distinguish_topics(owns: Sequence[str], contents: Sequence[Mapping[str, Top
             named[by_length[-1]][name] = heard[by_length[-1]]
         else:
             for k, topic in heard.items():
-                named[k][owns[k] + name] = topic
-    return named
+                named[k][k + name] = topic
+    return [*named.values()]
 
 
 def _kept_parts(bag: Path, wanted: Wanted) -> list[Content]:
@@ -344,12 +338,13 @@ ODOMETRY = {"velocity": TWIST, "pose": (POSE[0], POSE[1], POSE[3])}
 def find_runs(data: Path, _: TeamDescription | None = None) -> dict[str, Path]:
     """Return the runs in a directory: itself, if it is a ROS 2 bag, else each bag in it, and each directory of bags.
 
-    A directory of bags is one run, which was recorded in parts or by each robot; so are bags of the same time.
+    A directory of bags is one run, which was recorded in parts or by each robot; so are bags of the same time, or
+    directories of such.
     """
-    inside = sorted(data.iterdir())
-    if bag_storage.is_bag(data) or bag_storage.overlap_in_time([path for path in inside if bag_storage.is_bag(path)]):
-        return {data.resolve().name: data}
-    found: dict[str, Path] = {}
+    inside, found = sorted(data.iterdir()), dict[str, Path]()
+    with suppress(BadInput):  # where there is no bag
+        if bag_storage.is_bag(data) or any(bag_storage.bags_of_robots(data).values()):
+            return {data.resolve().name: data}
     for path in inside:
         below = {at for file in files_below(path) for at in (file, file.parent)} if path.is_dir() else set()
         if path.is_file() and bag_storage.is_bag(path):

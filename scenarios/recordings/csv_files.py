@@ -1,5 +1,6 @@
 """Recordings of a team in CSV files, and in topics of a bag read as tables, as `log.toml` describes them."""
 
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import permutations, product
 from pathlib import Path
@@ -8,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cooploc.estimators.errors import BadInput, count_of
+from cooploc.estimators.errors import BadInput, count_of, first_of
 from cooploc.estimators.interface import Array
 from cooploc.estimators.models import wrap
 from cooploc.scenarios.recordings import schema
@@ -54,6 +55,15 @@ def find_runs(data: Path, description: TeamDescription) -> dict[str, Path]:
             "correct `file` in [odometry] of log.toml"
         )
     return found
+
+
+def find_file(place: Path, name: str) -> Path:
+    """Return a file by its name, where * stands for what one file alone has there, such as when it was written."""
+    found = sorted(place.glob(re.sub(r"[\[?]", r"[\g<0>]", name))) if "*" in name else ()
+    if len(found) > 1:
+        some = first_of(path.relative_to(place).as_posix() for path in found)
+        raise BadInput(f"{place / name}: this is of {some}; keep one there, or correct `file` in log.toml")
+    return found[0] if found else place / name
 
 
 class RunFiles(NamedTuple):
@@ -134,7 +144,7 @@ def rows_of(
             product(*([*words_for.get(n, []), n] for n in (robot, other))) if robot != other or not robot else ()
         ):
             file, *filled = (name.replace("{robot}", a).replace("{other}", b) for name in (pattern, *names))
-            lines_of[run.place / file, tuple(filled)] = robot, other
+            lines_of[find_file(run.place, file), tuple(filled)] = robot, other
     if not any(path.is_file() for path, _ in lines_of):
         raise BadInput(f"{next(iter(lines_of))[0]}: there is no such file; put it there, or correct `file` in log.toml")
     for (path, own), (robot, other) in lines_of.items():

@@ -158,6 +158,8 @@ TimeColumns = Annotated[tuple[Seconds, ...], Field(min_length=1), Several]
 class Source(Strict):
     """A source of numbers: CSV files, or topics of a bag. `{robot}` and `{other}` in them stand for names.
 
+    `*` in the name of a file stands for what one file alone has there, such as when it was written.
+
     Of a topic whose messages are of another type than the usual ones, columns are fields: `range = "nodes.dis"`.
     """
 

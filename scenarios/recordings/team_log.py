@@ -16,7 +16,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 import pandas as pd
 
-from cooploc.estimators.errors import BadInput, count_of, nearest
+from cooploc.estimators.errors import BadInput, count_of, first_of, nearest
 from cooploc.estimators.interface import Array, Indices, Mask
 from cooploc.scenarios.recordings.schema import (
     GroundTruth,
@@ -374,7 +374,7 @@ def split_channels(
         ):
             rows = np.flatnonzero(dropped).tolist()
             whose = sorted({names[row] for row in rows})
-            some = ", ".join(map(short_repr, whose[:3])) + f" and {len(whose) - 3} more" * (len(whose) > 3)
+            some = first_of(map(short_repr, whose))
             notes += [f"{one.source}: left out {count_of(len(rows), 'reading')} {what.format(some)}"] * bool(rows)
         good = known & ~itself & positive & ~again
         for channel, other in zip(CHANNELS[kind], (mate, thing), strict=True):

@@ -9,7 +9,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from cooploc.estimators.errors import BadInput
+from cooploc.estimators.errors import BadInput, first_of
 from cooploc.scenarios.recordings.bag_storage import NUMBERS, is_bag, standard_types
 from cooploc.scenarios.recordings.bags import (
     TopicInfo,
@@ -21,7 +21,7 @@ from cooploc.scenarios.recordings.bags import (
     topics,
 )
 from cooploc.scenarios.recordings.inspect.columns import CsvTable, Guess, infer_unit, table_of_fields
-from cooploc.scenarios.recordings.inspect.csv_draft import column_entry, frame_entries, is_table, tables_beside_bag
+from cooploc.scenarios.recordings.inspect.csv_draft import column_entry, frame_entries, tables_beside_bag
 from cooploc.scenarios.recordings.inspect.draft_toml import Draft, DraftTable, Entry
 from cooploc.scenarios.recordings.inspect.naming import (
     CERTAIN,
@@ -41,7 +41,8 @@ from cooploc.scenarios.recordings.inspect.naming import (
     pairs_with_places,
     words_of,
 )
-from cooploc.scenarios.recordings.inspect.table_parts import HELD, first_columns, is_held, split_places
+from cooploc.scenarios.recordings.inspect.places import is_table, split_places
+from cooploc.scenarios.recordings.inspect.table_parts import HELD, first_columns, is_held
 from cooploc.scenarios.recordings.radio_nodes import NodeRanges, assign
 from cooploc.scenarios.recordings.team_log import Series
 from cooploc.scenarios.recordings.text_files import files_below
@@ -170,8 +171,8 @@ def _topic_rows(
         elif "MultiArray" in t.type or t.name in of_readings or not t.type.startswith(NO_MEASUREMENTS):
             unread.append(f"{t.name} ({t.type})")
     if unread:
-        some = ", ".join(unread[:5]) + f" and {len(unread) - 5} more" * (len(unread) > 5)
-        unused.append(f"topics of types that are not read: {some}; what they measured may be in CSV files beside")
+        kinds = f"topics of types that are not read: {first_of(unread, 5)}"
+        unused.append(f"{kinds}; what they measured may be in CSV files beside")
     return columns, unused
 
 

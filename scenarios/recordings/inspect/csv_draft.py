@@ -10,9 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from ruamel.yaml import YAML
 
-from cooploc.estimators.errors import BadInput
+from cooploc.estimators.errors import BadInput, first_of, shorten
 from cooploc.scenarios.recordings.inspect import naming
 from cooploc.scenarios.recordings.inspect.columns import (
     BESIDE,
@@ -27,6 +26,7 @@ from cooploc.scenarios.recordings.inspect.columns import (
 )
 from cooploc.scenarios.recordings.inspect.draft_toml import Draft, DraftTable, Entry
 from cooploc.scenarios.recordings.inspect.findings import Finding
+from cooploc.scenarios.recordings.inspect.places import kind_of_places, read_places, split_places
 from cooploc.scenarios.recordings.inspect.table_parts import (
     NAMELESS,
     NO_STAMPS,
@@ -39,11 +39,10 @@ from cooploc.scenarios.recordings.inspect.table_parts import (
     merge_parts,
     name_estimates,
     parts_of,
-    split_places,
     why_no_table,
 )
 from cooploc.scenarios.recordings.schema import UNITS
-from cooploc.scenarios.recordings.text_files import OTHER_TABLES, files_below, is_text
+from cooploc.scenarios.recordings.text_files import NAMED_DATE, OTHER_TABLES, files_below, is_text
 
 REMEDY = "name the files odom_NAME.csv and truth_NAME.csv, or write log.toml by hand (docs/how-to/robots.md)"
 LOOKS = {
@@ -61,10 +60,10 @@ def _read_files(paths: Iterable[Path], folder: Path, data: Path) -> tuple[list[C
     files, unread = [], []
     for path in paths:
         name = path.relative_to(folder if path.is_relative_to(folder) else data).as_posix()
-        kind = _kind_of_places(path)
+        kind = kind_of_places(path)
         fault = f"{name}: not read; write its places into [{kind}]" if kind else f"{name}: a text, and no table"
         is_csv = ".csv" in path.name.lower() or path.suffix.lower() in {*OTHER_TABLES} - {".json"}
-        if kind and (places := _read_places(path, name)):
+        if kind and (places := read_places(path, name)):
             files.append(places)
             continue
         try:
@@ -75,42 +74,9 @@ def _read_files(paths: Iterable[Path], folder: Path, data: Path) -> tuple[list[C
         except BadInput as e:
             fault = str(e) if is_csv or SEVERAL_KINDS in str(e) else fault
         unread.append(fault)
+    starred = naming.without_dates([file.name for file in files])
+    files = [file._replace(name=starred.get(file.name, file.name)) for file in files]
     return [*chain(*split_places(files))], unread
-
-
-def _kind_of_places(path: Path) -> str:
-    """Return "anchors" or "landmarks" of a file of YAML, JSON or XML that holds them by its name; else ""."""
-    words = naming.words_of(path.stem) if path.suffix.lower() in (".yaml", ".yml", ".json", ".xml") else []
-    return next((kind for kind in map(naming.OTHERS.get, words) if kind in ("anchors", "landmarks")), "") or ""
-
-
-def _read_places(path: Path, name: str) -> CsvTable | None:
-    """Read places in YAML or JSON: names with [x, y] or with x and y, or a list with name or id, x and y; else None."""
-
-    def below_title(content: Any) -> Any:
-        only = next(iter(content.values())) if isinstance(content, dict) and len(content) == 1 else None
-        if isinstance(only, dict):
-            return content if {"x", "position"} & only.keys() else below_title(only)
-        return only if isinstance(only, list) and isinstance(only[0], dict) else content
-
-    try:
-        content, found = below_title(YAML(typ="safe").load(path)), dict[str, list[float]]()  # JSON is YAML, too
-        named = content.items() if isinstance(content, dict) else ((p.get("name") or p["id"], p) for p in content)
-        for key, one in named:
-            at = one.get("position", one) if isinstance(one, dict) else one
-            if str(key) in found:
-                raise ValueError  # of several lines about one, as a log has them
-            found[str(key)] = [float(at[q]) for q in ("xy" if isinstance(at, dict) else (0, 1))]
-        x, y = np.array([*found.values()]).T
-    except Exception:  # whatever YAML raises on what is none
-        return None
-    table = CsvTable(name, {"name": (*found,), "x": x, "y": y})
-    return table._replace(guesses=infer_columns(table)) if np.isfinite([x, y]).all() else None
-
-
-def is_table(path: Path) -> bool:
-    """Return whether a file may hold a table by its name: a text, or places."""
-    return is_text(path) or bool(_kind_of_places(path))
 
 
 def _text_files(folder: Path) -> list[Path]:
@@ -213,6 +179,9 @@ def _robots(folder: Path, parts: Sequence[TablePart]) -> tuple[str, ...]:
         return tuple(map(naming.clean_name, column.names("robot")))
     for part in own:
         if names := naming.file_pattern(part.file_names)[1]:
+            if all(map(NAMED_DATE.fullmatch, names)):
+                at = f"the names of files differ in dates ({first_of(names)})"
+                raise BadInput(f"{folder}: {at}; put the files of each run into a directory of its own")
             named = [naming.file_pattern(other.file_names, names)[1] or names for other in own]
             return tuple(name for name in names if all(name in some for some in named)) or names
     files = {name for part in own for name in part.file_names}
@@ -249,7 +218,7 @@ def _read_run(folder: Path, data: Path) -> tuple[list[CsvTable], list[str], str]
     above = {p.name for p in beside if folder == data and count[p.name] == 1}
     copies = [p for p in _text_files(folder) if p.name in above and p.parent != data]
     own = [p for p in _text_files(folder) if p not in copies]
-    places = [p for home in (folder, data) for p in sorted(home.iterdir()) if _kind_of_places(p)]
+    places = [p for home in (folder, data) for p in sorted(home.iterdir()) if kind_of_places(p)]
     files, unused = _read_files(dict.fromkeys([*own, *beside, *places]), folder, data)
     unread = next((line for line in unused if line.startswith(str(data))), "")
     unused += [f"{p.relative_to(data).as_posix()}: {p.name} stands above it" for p in copies]
@@ -304,7 +273,7 @@ def _draft_run(folder: Path, data: Path) -> tuple[Draft, tuple[str, ...]]:
         else:
             unused.append(table)
     unused += _left_columns(files, parts)
-    return Draft(tuple(entries), tuple(tables.values()), _column_rows(files), tuple(unused), doubts), robots
+    return Draft(tuple(entries), tuple(tables.values()), _column_rows(files), tuple(shorten(unused)), doubts), robots
 
 
 def _seen_from_above(file: CsvTable) -> CsvTable:
@@ -380,7 +349,7 @@ def _for_files(lines: Iterable[tuple[str, str]]) -> list[str]:
     files: dict[str, list[str]] = {}
     for line, file in lines:
         files.setdefault(line, []).append(file)
-    return [f"{', '.join(names)}: {line}" for line, names in files.items() if line]
+    return [f"{first_of(names, 5)}: {line}" for line, names in files.items() if line]
 
 
 def tables_beside_bag(

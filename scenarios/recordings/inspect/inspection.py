@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from cooploc.estimators.errors import BadInput, count_of, nearest
+from cooploc.estimators.errors import BadInput, count_of, first_of, nearest
 from cooploc.estimators.interface import Array
 from cooploc.scenarios.recordings import bag_storage, bags, csv_files, mrclam, schema
 from cooploc.scenarios.recordings.inspect import draft_toml
@@ -101,7 +101,7 @@ def inspect_recording(path: Path, run: str = "", again: bool = False) -> Inspect
         raise BadInput(f"{path}: there is no run {name!r}; {nearest(name, list(places))}")
     log: TeamLog = of_format.read_run(places[name], name, description)
     if not stated and description.robots and (robots := common_robots(log)) != log.robots:
-        left_out = ", ".join(robot for robot in log.robots if robot not in robots)
+        left_out = first_of((robot for robot in log.robots if robot not in robots), 5)
         entries = tuple(e._replace(value=list(robots)) if e.key == "robots" else e for e in draft.entries)
         unused = (*draft.unused, f"{left_out}: without truth, or too late or too early for the others")
         draft = draft._replace(entries=entries, unused=unused)

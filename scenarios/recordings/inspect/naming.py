@@ -4,11 +4,13 @@ import re
 import tomllib
 from collections import Counter
 from collections.abc import Collection, Iterable, Sequence
+from fnmatch import fnmatchcase
 from importlib.resources import files as resources
 from itertools import pairwise, permutations, product
 from unicodedata import normalize
 
 from cooploc.scenarios.recordings.schema import UNITS
+from cooploc.scenarios.recordings.text_files import NAMED_DATE
 
 _WORDS = tomllib.loads((resources(__package__) / "column_names.toml").read_text("utf-8"))
 QUANTITY, SIDE, UNIT, OTHERS, REMEDY = (
@@ -245,6 +247,13 @@ def file_pattern(files: Sequence[str], known: Sequence[str] = ()) -> tuple[str, 
     best = max(patterns, key=order, default=files[0])
     robots = patterns.get(best, [])
     return (best, tuple(dict.fromkeys(robots))) if len(robots) > 1 or len(files) == len(robots) else (files[0], ())
+
+
+def without_dates(files: Sequence[str]) -> dict[str, str]:
+    """Return names of files with * in place of when they were written, where that alone differs from no other file."""
+    starred = {file: NAMED_DATE.sub("*", file) for file in files}
+    whole = {file: star for file, star in starred.items() if star != file and re.search("[A-Za-z].*[.]", star)}
+    return {f: s for f, s in whole.items() if sum(fnmatchcase(other, s.replace("[", "[[]")) for other in files) == 1}
 
 
 def match_names(words: Iterable[str], robots: Sequence[str]) -> dict[str, str]:

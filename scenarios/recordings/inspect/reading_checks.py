@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import least_squares
 
+from cooploc.estimators.errors import first_of
 from cooploc.estimators.interface import Array
 from cooploc.scenarios.recordings import sampling, team_log
 from cooploc.scenarios.recordings.inspect import motion
@@ -174,8 +175,7 @@ def check_places(c: CheckedLog) -> None:
                 facts.append(f"{name} {apart:.2g} m away (they are {rest:.2g} m off there, and {off:.2g} m here)")
         if facts:
             table = "landmarks" if channel == "landmark" else "anchors"
-            more = f" and {len(facts) - 4} more" * (len(facts) > 4)
-            fact = f"ranges fit other places, as if surveyed in another frame: {', '.join(facts[:4])}{more}"
+            fact = f"ranges fit other places, as if surveyed in another frame: {first_of(facts, 4)}"
             there = ", ".join(f"{name} = [{x:.2f}, {y:.2f}]" for name, (x, y) in zip(fixed.names, moved, strict=True))
             c.add("places", None, readings.source, fact, "likely", f"places = {{ {there} }}", table)
             there_are = fixed._replace(positions=moved)

@@ -1,7 +1,6 @@
 """The tables of log.toml that the columns of text files make: odometry, turns, truth, readings, places."""
 
 from collections.abc import Iterable, Iterator, Sequence
-from itertools import compress
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -9,7 +8,7 @@ import numpy as np
 
 from cooploc.estimators.interface import Array
 from cooploc.scenarios.recordings.inspect import naming
-from cooploc.scenarios.recordings.inspect.columns import FAR, PART, TO_THE_SIDE, CsvTable, Guess, infer_columns
+from cooploc.scenarios.recordings.inspect.columns import FAR, PART, TO_THE_SIDE, CsvTable, Guess
 from cooploc.scenarios.recordings.inspect.findings import Finding
 from cooploc.scenarios.recordings.schema import COLUMNS, UNITS
 
@@ -120,35 +119,6 @@ def split_readings(guesses: Sequence[Guess], named: bool) -> list[tuple[Guess, .
         best = plain[0] if len(plain) == 1 else (usual or others)[0]
         others = (best if best in plain else best._replace(reason=f"{best.reason}; of several, perhaps"),)
     return [each for each in (pairs, others) if each]
-
-
-def split_places(files: Sequence[CsvTable]) -> tuple[list[CsvTable], list[CsvTable]]:
-    """Return the files without the places that stand beside each reading, and a table of these places, if any.
-
-    They are in columns such as anchor_x and anchor_y: the same for one name in every line, and not for all names.
-    """
-    kept, found = list[CsvTable](), list[CsvTable]()
-    for file in files:
-        names = [g for g in file.guesses if g.quantity == "other"]
-        names += [g for g in file.guesses if g.quantity == "robot" and naming.is_anchor(g.column)]
-        other = names[0].column if names else ""
-        named = file.words(other) if other else ()
-        for x in [c for c in file.columns if named and "x" in naming.words_of(c)]:
-            y = "y".join(x.rsplit("x", 1))
-            at = [v for c in (x, y) if not isinstance(v := file.columns.get(c, ()), tuple)]
-            if len(at) < 2:
-                continue
-            there = np.isfinite(at).min(axis=0) & [name != "" for name in named]
-            lines = sorted({*compress(zip(named, *at, strict=True), there)})
-            places = {name: place for name, *place in lines}
-            if len(places) != len(lines) or 2 * len(lines) > len(named) or len({*map(tuple, places.values())}) < 2:
-                continue
-            at_x, at_y = np.array([*places.values()]).T
-            found.append(CsvTable(file.name, {other: (*places,), x: at_x, y: at_y}, units=file.units))
-            left = {c: values for c, values in file.columns.items() if c not in (x, y)}
-            file = file._replace(columns=left, guesses=tuple(g for g in file.guesses if g.column in left))
-        kept.append(file)
-    return kept, [table._replace(guesses=infer_columns(table)) for table in found[:1]]
 
 
 HELD = "the same in every line while positions change: not measured"

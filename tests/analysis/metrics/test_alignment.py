@@ -8,8 +8,9 @@ import pytest
 from made_trajectories import frame_of, paths_of_all
 
 from cooploc import BadInput
-from cooploc.analysis.metrics.alignment import match_stamps, rotation, shorten
+from cooploc.analysis.metrics.alignment import match_stamps, rotation
 from cooploc.analysis.metrics.external import judge_trajectories
+from cooploc.estimators.errors import shorten
 
 
 @pytest.mark.parametrize("late", [0.0, 0.1, 1.5, -1.2])

@@ -229,6 +229,17 @@ def test_a_strict_run_refuses_what_another_reads_around_and_says_that_trials_are
     assert "left out: mrsl-rssi[anchor_reading=any]: needs channel" in said  # it has no ranges to places
 
 
+def test_a_star_in_a_name_stands_for_what_one_file_has_there(lab):
+    described, dated = ('"mocap_{robot}.csv"', '"mocap_{robot}_*.csv"'), lab / "mocap_red_10-19-31.csv"
+    before = read(lab)
+    (lab / "mocap_red.csv").rename(dated)
+    (lab / "mocap_blue.csv").rename(lab / "mocap_blue_10-19-33.csv")
+    same(read(lab, described), before)
+    (lab / "mocap_red_again.csv").write_bytes(dated.read_bytes())
+    with pytest.raises(BadInput, match=r"mocap_red_\*.csv: this is of mocap_red_10-19-31.csv, .*again.csv; keep one"):
+        read(lab, described)
+
+
 def test_a_compressed_text_may_be_in_parts_and_cut_off(tmp_path):
     path = tmp_path / "odom.csv.gz"
     lines = "".join(f"{k},{k * k % 97}\n" for k in range(20_000))

@@ -74,7 +74,34 @@ def goals_beside_true_poses(folder):
     made_bag(folder, "mcap", SECONDS, names=names | {f"/{robot}/odom": f"/{robot}/odom" for robot in ("red", "blue")})
 
 
+def dated(folder):
+    each_robot(folder, "ros1", "/odom")
+    for k, robot in enumerate(("red", "blue")):
+        (folder / f"{robot}.bag").rename(folder / f"{robot}_2024-05-11-10-19-3{k}.bag")
+    write_truth(folder, "{}_2024-05-11.csv")
+
+
+def a_folder_of_each(folder):
+    """As the recorder of ROS 2 calls them, beside the truth."""
+    for k, robot in enumerate(("red", "blue")):
+        (folder / robot).mkdir()
+        name = f"rosbag2_2024_05_11-10_19_3{k}"
+        made_bag(folder / robot, "sqlite3", SECONDS, name=name, names={f"/{robot}/odom": "/odom"})
+    write_truth(folder, "{}_groundtruth.csv")
+
+
+def parts_of_each(folder):
+    for robot in ("red", "blue"):
+        for k in range(2):
+            only = {f"/{robot}/odom": "/odom"}
+            made_bag(folder, "ros1", SECONDS / 2, name=f"{robot}_{k}", start=START + 15 * k, names=only)
+    write_truth(folder, "{}_groundtruth.csv")
+
+
 HABITS = [
+    dated,
+    a_folder_of_each,
+    parts_of_each,
     own_names,
     same_names,
     truth_heard_by_each,

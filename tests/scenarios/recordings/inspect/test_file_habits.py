@@ -188,6 +188,18 @@ def numbers_alone(files):
     return files
 
 
+def dated(form):
+    """Each file with the second at which its logger began, as in `form`."""
+    began = {name: pd.Timestamp("2024-05-11 10:19:31") + pd.Timedelta(k, "s") for k, name in enumerate(two_robots())}
+
+    def change(files):
+        stamps = {name: began[name].strftime(form.partition("|")[2]) for name in files}
+        parts = {name: name.removesuffix(".csv").split("_")[::-1] for name in files}  # robot, kind
+        return {form.partition("|")[0].format(stamps[n], *parts[n][:1], parts[n][-1]): t for n, t in files.items()}
+
+    return change
+
+
 def echo_csv(files):
     """As `ros2 topic echo --csv` prints Odometry and PoseStamped: without names."""
     files = quaternion(["qx", "qy", "qz", "qw"])(files)
@@ -286,6 +298,11 @@ HABITS = {
     "a matrix of ranges": (matrix, {}, None),
     "no names": (SAME, {"header": False, "index": True}, None),
     "a spreadsheet": (spreadsheet, {}, None),
+    "dates in names": (dated("{2}_{1}_{0}.csv|%Y-%m-%d-%H-%M-%S"), {}, None),
+    "dates first": (dated("{0}_{2}_{1}.csv|%d.%m.%Y %Hh%M.%S"), {}, None),
+    "dates in folders": (dated("{1}/{2}_{0}.csv|%Y%m%d_%H%M%S"), {}, None),
+    "folders with dates": (dated("{1}-{0}/{2}.csv|%Y_%m_%d-%H_%M_%S"), {}, None),
+    "seconds since 1970": (dated("{1}_{2}_{0}.csv|%s"), {}, None),
     "echo as CSV": (echo_csv, {"header": False}, None),
     "numbers alone": (numbers_alone, {"header": False, "sep": " "}, None),
     "names again": (SAME, {}, lambda text: text.replace("\n", "\n" + text.split("\n")[0] + "\n", 2)),

@@ -11,6 +11,7 @@ from cooploc.scenarios.recordings.inspect.naming import (
     pairs_by_number,
     pairs_with_places,
     pattern_of_mates,
+    without_dates,
 )
 from cooploc.scenarios.recordings.inspect.table_parts import list_columns, name_estimates, parts_of
 
@@ -432,3 +433,17 @@ def test_a_file_without_a_line_of_names_above_lines_of_numbers_is_refused(tmp_pa
     (tmp_path / "odom.csv").write_text(text)
     with pytest.raises(BadInput, match=fault):
         read_csv(tmp_path / "odom.csv", "odom.csv")
+
+
+@pytest.mark.parametrize(
+    ("files", "found"),
+    [
+        (["red_2024-05-11-10-19-31.csv", "blue_20240511T101932.csv"], ["red_*.csv", "blue_*.csv"]),
+        (["a-11.05.2024/uwb.txt", "b-1715422771.123/uwb.txt"], ["a-*/uwb.txt", "b-*/uwb.txt"]),
+        (["red_20240511.csv", "red_20240512.csv"], []),  # two runs
+        (["odom_20240511.csv", "odom_red.csv"], []),  # odom_*.csv would be both
+        (["20240511.csv", "robot_12.csv", "uwb_0x1715422771ab.csv"], []),
+    ],
+)
+def test_dates_in_names_of_files_are_left_open_where_one_file_has_the_rest(files, found):
+    assert [*without_dates(files).values()] == found

@@ -814,3 +814,17 @@ def test_texts_without_names_of_columns_say_what_to_add(tmp_path, lines, words):
     (tmp_path / "odom.txt").write_text("\n".join(lines) + "\n")
     with pytest.raises(cl.BadInput, match=words):
         cl.inspect(tmp_path)
+
+
+def test_runs_of_several_dates_are_to_be_put_into_directories_and_long_lists_are_short(tmp_path):
+    table = pd.DataFrame(two_robots(seconds=20)["truth_red.csv"]).assign(v=0.2, omega=0.1)
+    for day in range(11, 20):
+        table.assign(**({"more": 1} if day > 15 else {})).to_csv(tmp_path / f"log_202405{day}_101931.csv", index=False)
+    with pytest.raises(cl.BadInput, match=r"differ in dates \(20240511, .* and 6 more\); put the files of each run"):
+        cl.inspect(tmp_path)
+    for name, file in two_robots(seconds=40).items():
+        pd.DataFrame(file).to_csv(tmp_path / name, index=False)
+    for file in tmp_path.glob("log_*"):
+        file.write_text("time,a,b\n" + "1.0,2.0,3.0,4.0\n" * 9)
+    lines = [line for line in cl.inspect(tmp_path).inspected.unused if "log_2024" in line]
+    assert len(lines) == 4
