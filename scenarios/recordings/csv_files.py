@@ -1,7 +1,7 @@
 """Recordings of a team in CSV files, and in topics of a bag read as tables, as `log.toml` describes them."""
 
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from itertools import permutations, product
 from pathlib import Path
 from reprlib import repr as short_repr
@@ -34,17 +34,15 @@ from cooploc.scenarios.recordings.team_log import (
     without_leaps,
     without_missing,
 )
-from cooploc.scenarios.recordings.text_files import read_lines, read_text, split_fields, unwrap_stamps
+from cooploc.scenarios.recordings.text_files import files_below, read_lines, read_text, split_fields, unwrap_stamps
 
 
 def find_runs(data: Path, description: TeamDescription) -> dict[str, Path]:
     """Return the runs in a directory: itself, if its files are there, else each directory in it that has them."""
     file = (description.odometry.file if description.odometry else None) or ""
     pattern = file.replace("[", "[[]").replace("{robot}", "*").replace("{run}", "*")
-    if "{run}" in file:  # a file for each run of one robot
-        begin, end = file.split("{run}", 1)
-        names = [path.name.removeprefix(begin).removesuffix(end) for path in data.glob(pattern)]
-        found = dict.fromkeys(sorted(names), data)
+    if "{run}" in file:
+        found = dict.fromkeys(_runs_of_files(data, file, {*description.robots, *description.moves.nodes}), data)
     elif any(data.glob(pattern)):
         found = {data.resolve().name: data}
     else:
@@ -55,6 +53,17 @@ def find_runs(data: Path, description: TeamDescription) -> dict[str, Path]:
             "correct `file` in [odometry] of log.toml"
         )
     return found
+
+
+def _runs_of_files(data: Path, file: str, robots: Collection[str]) -> list[str]:
+    """Return the runs of which a file, such as {run}_odom_{robot}.csv, is there of any robot."""
+    run, words = "(?P<run>[^/]+)", "|".join(map(re.escape, robots))
+    signs = {"*": "[^/]*", "{robot}": f"(?:{words})", "{run}": run}
+    pattern = "".join(signs.get(part, re.escape(part)) for part in re.split(r"(\*|\{robot\}|\{run\})", file))
+    first, *rest = pattern.split(run)
+    whole = re.compile(first + run + "(?P=run)".join(rest))
+    names = (path.relative_to(data).as_posix() for path in files_below(data))
+    return sorted({match["run"] for name in names if (match := whole.fullmatch(name))})
 
 
 def find_file(place: Path, name: str) -> Path:

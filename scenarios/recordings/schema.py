@@ -34,7 +34,8 @@ In a bag there are topics instead: `topic = "/{robot}/odom"`, `topic = "/uwb/{ro
 table may still name CSV files, such as those of the truth. Of bags that robots recorded at the same time, in one
 directory, /odom in red.bag is /red/odom.
 
-The runs of one robot may be a file each, `file = "{run}.csv"`; `wifi.log.toml` is a commented example.
+Runs are folders, or words in the names of files: `file = "{run}_odom_{robot}.csv"`, of one robot `file = "{run}.csv"`;
+`wifi.log.toml` is a commented example.
 """
 
 import math
@@ -164,7 +165,7 @@ class Source(Strict):
     """
 
     columns: ClassVar[tuple[str, ...]] = ()  # that CSV files have, unless there is one for `each`
-    file: str | None = None  # CSV, relative to the run: "odom_{robot}.csv", one for all, or "{run}.csv" of one robot
+    file: str | None = None  # CSV, relative to the run, such as "odom_{robot}.csv"; of all runs, "{run}_{robot}.csv"
     topic: str | None = None  # of a bag: "/{robot}/odom"
     topics: Mapping[Name, str] = {}  # of a bag: robots whose topic has another name
     time: TimeColumns = Field(default=("time",), validate_default=True)  # of CSV files; summed: seconds and nanoseconds
@@ -200,7 +201,7 @@ class Source(Strict):
         """Whether the file's name, or those of the columns, say whose lines they are."""
         columns = [*dict(self).values(), *getattr(self, "each", {}).values()]
         wide = any("{robot}" in name for column in columns if isinstance(column, LogColumn) for name in column.columns)
-        return wide or "{robot}" in (self.file or "") or "{run}" in (self.file or "")
+        return wide or "{robot}" in (self.file or "") or ("{run}" in (self.file or "") and self.robot is None)
 
     @property
     def in_files(self) -> bool:

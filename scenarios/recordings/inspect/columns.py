@@ -73,9 +73,15 @@ def number_name(number: float) -> str:
     return f"{number:.0f}" if number == np.rint(number) else f"{number:g}"
 
 
-def read_csv(path: Path, name: str) -> CsvTable:
-    """Read a CSV file whose first line names the columns; lines that are too short or too long are left out."""
+def read_csv(path: Path, name: str, ends: int = 0) -> CsvTable:
+    """Read a CSV file whose first line names the columns; lines that are too short or too long are left out.
+
+    With `ends` its first and last so many lines alone.
+    """
     text = read_text(path).lstrip()
+    if ends and text.count("\n") > 2 * ends:
+        lines = text.splitlines(keepends=True)
+        text = "".join(lines[:ends] + lines[-ends:])
     if not text:
         raise BadInput(f"{path}: the file is empty; get it again")
     plain = plain_numbers(text)

@@ -5,8 +5,10 @@ A column's robot follows from a column of names, else from the names of the file
 
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from itertools import chain, pairwise
+from contextlib import suppress
+from itertools import chain
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -27,6 +29,7 @@ from cooploc.scenarios.recordings.inspect.columns import (
 from cooploc.scenarios.recordings.inspect.draft_toml import Draft, DraftTable, Entry
 from cooploc.scenarios.recordings.inspect.findings import Finding
 from cooploc.scenarios.recordings.inspect.places import kind_of_places, read_places, split_places
+from cooploc.scenarios.recordings.inspect.runs import are_called_runs, are_runs_of_one_robot, runs_in_names, text_files
 from cooploc.scenarios.recordings.inspect.table_parts import (
     NAMELESS,
     NO_STAMPS,
@@ -42,7 +45,7 @@ from cooploc.scenarios.recordings.inspect.table_parts import (
     why_no_table,
 )
 from cooploc.scenarios.recordings.schema import UNITS
-from cooploc.scenarios.recordings.text_files import NAMED_DATE, OTHER_TABLES, files_below, is_text
+from cooploc.scenarios.recordings.text_files import NAMED_DATE, OTHER_TABLES, is_text
 
 REMEDY = "name the files odom_NAME.csv and truth_NAME.csv, or write log.toml by hand (docs/how-to/robots.md)"
 LOOKS = {
@@ -55,8 +58,10 @@ KEYS = {"ahead": "x", "left": "y"}  # quantity -> its key in log.toml, where it 
 # --- Files
 
 
-def _read_files(paths: Iterable[Path], folder: Path, data: Path) -> tuple[list[CsvTable], list[str]]:
-    """Read the CSV files of a run, and note those that are no tables."""
+def _read_files(
+    paths: Iterable[Path], folder: Path, data: Path, of_run: Mapping[str, str] = MappingProxyType({})
+) -> tuple[list[CsvTable], list[str]]:
+    """Read the CSV files of a run, and note those that are no tables; `of_run`: their names with {run} in them."""
     files, unread = [], []
     for path in paths:
         name = path.relative_to(folder if path.is_relative_to(folder) else data).as_posix()
@@ -74,13 +79,10 @@ def _read_files(paths: Iterable[Path], folder: Path, data: Path) -> tuple[list[C
         except BadInput as e:
             fault = str(e) if is_csv or SEVERAL_KINDS in str(e) else fault
         unread.append(fault)
+    files = [file._replace(name=of_run.get(file.name, file.name)) for file in files]
     starred = naming.without_dates([file.name for file in files])
     files = [file._replace(name=starred.get(file.name, file.name)) for file in files]
     return [*chain(*split_places(files))], unread
-
-
-def _text_files(folder: Path) -> list[Path]:
-    return [p for p in files_below(folder) if is_text(p)]
 
 
 def _name_mates(files: Sequence[CsvTable], robots: Sequence[str], fixed: Sequence[str]) -> list[CsvTable]:
@@ -144,32 +146,6 @@ def _name_readings(file: CsvTable, robots: Sequence[str], fixed: Sequence[str]) 
 # --- Robots, runs and their names
 
 
-def _are_runs_of_one_robot(files: Sequence[CsvTable]) -> tuple[bool, str]:
-    """Return whether files are runs of one robot, and why; "" of files that may be either.
-
-    They have the same columns, with odometry and truth, and follow each other in time, or more than a word of their
-    names differs. With one word, and stamps in common, they are of robots: surely if they measured each other.
-    """
-    stamps, measured = [], set[str]()
-    for file in files:
-        parts = {part.table: part for part in parts_of(file)}
-        same = file.columns.keys() == files[0].columns.keys()
-        if not same or not {"odometry", "truth"} <= parts.keys() or "robot" in parts["odometry"].columns:
-            return False, "their names in the names of the files, or in a column"
-        own = parts["odometry"].columns
-        t = file.numbers(next(own[q].column for q in STAMPS if q in own))
-        measured |= {name for part in parts.values() for name in part.names("other")}
-        if len(t) > 1:
-            stamps.append((t[0], t[-1]))
-    overlaps = sum(later[0] < earlier[1] for earlier, later in pairwise(sorted(stamps)))
-    robots = naming.file_pattern([file.name for file in files])[1]
-    if len(stamps) > 1 and (overlaps < len(stamps) / 2 or len(robots) < len(files)):
-        how = "one after the other in time" if overlaps < len(stamps) / 2 else "whose names differ in more than a word"
-        return True, f"{len(files)} files of the same columns, {how}: runs of one robot"
-    certain = len(stamps) < 2 or measured & {*robots}
-    return False, "their names in the names of the files" if certain else ""
-
-
 def _robots(folder: Path, parts: Sequence[TablePart]) -> tuple[str, ...]:
     """Return names from a column of names, else from the files' names, else the one file's name."""
     own = [part for part in parts if part.table in ("odometry", "truth")]
@@ -186,7 +162,7 @@ def _robots(folder: Path, parts: Sequence[TablePart]) -> tuple[str, ...]:
             return tuple(name for name in names if all(name in some for some in named)) or names
     files = {name for part in own for name in part.file_names}
     if len(files) == 1:
-        return (naming.clean_name(Path(files.pop()).stem),)
+        return (naming.clean_name(Path(files.pop()).stem.replace("{run}", "").strip("-_. ")) or "robot",)
     if all(len(part.files) == 1 for part in own):
         return ("robot",)  # one file of odometry and one of the truth
     raise BadInput(f"{folder}: neither the names of files nor a column says which robot is which; {REMEDY}")
@@ -197,29 +173,45 @@ def _robots(folder: Path, parts: Sequence[TablePart]) -> tuple[str, ...]:
 
 def csv_draft(data: Path) -> Draft:
     """Return the draft for a directory of CSV files, or of runs with such files."""
-    inside = [p for p in sorted(data.iterdir()) if p.is_dir() and _text_files(p)]
+    if runs := runs_in_names(data):
+        with suppress(BadInput):
+            draft, robots = _draft_run(data, data, runs)
+            if len(robots) > 1 or are_called_runs(runs):  # else they may be robots with clocks that are far off
+                return draft
+    inside = [p for p in sorted(data.iterdir()) if p.is_dir() and text_files(p)]
     if inside:
-        beside, _ = _read_files([p for p in _text_files(data) if p.parent == data], data, data)
+        beside, _ = _read_files([p for p in text_files(data) if p.parent == data], data, data)
         stamped = any(guess.quantity in ("time", "sec") for file in beside for guess in file.guesses)
         inside = [] if stamped else inside
+    if not inside:
+        return _draft_run(data, data)[0]
     try:  # red/odom.csv is of a robot, monday/odom_red.csv of a run: only the latter says itself whose it is
-        draft, robots = _draft_run(inside[0] if inside else data, data)
+        draft, robots = _draft_run(inside[0], data)
+        if len(robots) > 1 and "truth" in {table.name for table in draft.tables}:
+            return draft
     except BadInput:
-        if not inside:
-            raise
         robots = ()
-    return draft if len(robots) > 1 or not inside else _draft_run(data, data)[0]
+    try:  # odom/red.csv and truth/red.csv are of one run, too
+        whole, _ = _draft_run(data, data)
+    except BadInput:
+        if not robots:
+            raise
+        return draft
+    return draft if len(robots) > 1 and "truth" not in {table.name for table in whole.tables} else whole
 
 
-def _read_run(folder: Path, data: Path) -> tuple[list[CsvTable], list[str], str]:
+def _read_run(folder: Path, data: Path, runs: Mapping[str, Mapping[str, str]]) -> tuple[list[CsvTable], list[str], str]:
     """Read the files of a run; note those that are not read, and first one that should be."""
-    beside = [p for p in _text_files(data) if p.parent == data]
-    count = Counter(p.name for p in _text_files(folder) if p.parent != data)  # in several folders: of each robot
+    of_run, *of_others = runs.values() if runs else ({},)
+    beside = [p for p in text_files(data) if p.parent == data]
+    count = Counter(p.name for p in text_files(folder) if p.parent != data)  # in several folders: of each robot
     above = {p.name for p in beside if folder == data and count[p.name] == 1}
-    copies = [p for p in _text_files(folder) if p.name in above and p.parent != data]
-    own = [p for p in _text_files(folder) if p not in copies]
+    copies = [p for p in text_files(folder) if p.name in above and p.parent != data]
+    own = [p for p in text_files(folder) if p not in copies]
     places = [p for home in (folder, data) for p in sorted(home.iterdir()) if kind_of_places(p)]
-    files, unused = _read_files(dict.fromkeys([*own, *beside, *places]), folder, data)
+    not_of_run = {data / name for of in of_others for name in of}
+    paths = [p for p in dict.fromkeys([*own, *beside, *places]) if p not in not_of_run]
+    files, unused = _read_files(paths, folder, data, of_run)
     unread = next((line for line in unused if line.startswith(str(data))), "")
     unused += [f"{p.relative_to(data).as_posix()}: {p.name} stands above it" for p in copies]
     if not files:
@@ -228,17 +220,23 @@ def _read_run(folder: Path, data: Path) -> tuple[list[CsvTable], list[str], str]
     return files, unused, unread
 
 
-def _draft_run(folder: Path, data: Path) -> tuple[Draft, tuple[str, ...]]:
-    """Return the draft for the CSV files of one run, with those beside the runs, which are of all; and its robots."""
-    files, unused, unread = _read_run(folder, data)
+def _draft_run(
+    folder: Path, data: Path, in_names: Mapping[str, Mapping[str, str]] = MappingProxyType({})
+) -> tuple[Draft, tuple[str, ...]]:
+    """Return the draft for the CSV files of one run, with those beside the runs, which are of all; and its robots.
+
+    `in_names` are runs that are told by a word in the names of their files.
+    """
+    files, unused, unread = _read_run(folder, data, in_names)
     doubts: tuple[Finding, ...] = ()
-    runs, why = _are_runs_of_one_robot(files)
-    runs &= folder == data
-    if not why and folder == data:
+    runs, why = are_runs_of_one_robot(files)
+    runs &= folder == data and not in_names
+    if not why and folder == data and not in_names:
         common = f"{len(files)} files of the same columns, with stamps in common"
         setting = f'for runs: robots = ["robot"], and file = "{{run}}{Path(files[0].name).suffix}" in every table'
         doubts = (Finding("robots", "", "", f"{common}, may be of one robot each, or runs of one", "perhaps", setting),)
-    entries = [Entry("format", "csv", f"{len(files)} text files with columns")]
+    of_runs = f" of a run; {{run}} is {first_of(in_names)}" if in_names else ""
+    entries = [Entry("format", "csv", f"{len(files)} text files with columns{of_runs}")]
     files = files[:1] if runs else files
     tables_found = {part.table for file in files for part in parts_of(file)}
     halved = {part.table for file in files for part in parts_of(file, True)}

@@ -3,7 +3,7 @@
 import re
 import tomllib
 from collections import Counter
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from fnmatch import fnmatchcase
 from importlib.resources import files as resources
 from itertools import pairwise, permutations, product
@@ -222,6 +222,17 @@ def pattern_of_mates(columns: Sequence[str], own: str, robots: Sequence[str], fi
     return pattern if whole and not more else ""
 
 
+def word_patterns(file: str, placeholder: str) -> Iterator[tuple[str, str]]:
+    """Yield each word of a file's name, or up to three, and the name with a placeholder where these words are."""
+    stem, dot, ending = file.rpartition(".")
+    spans = [match.span() for match in re.finditer(r"[^/_\-. ]+", stem)]
+    several = [stem[a:d] for (a, _), (_, d) in (*pairwise(spans), *zip(spans, spans[2:], strict=False))]
+    names = [stem[a:b] for a, b in spans] + [name for name in several if name != stem and not {*"/ "} & {*name}]
+    for word in dict.fromkeys(names):
+        whole_word = rf"(?<![^/_\-. ]){re.escape(word)}(?![^/_\-. ])"
+        yield word, re.sub(whole_word, placeholder, stem) + dot + ending
+
+
 def file_pattern(files: Sequence[str], known: Sequence[str] = ()) -> tuple[str, tuple[str, ...]]:
     """Return the pattern that most files share, with {robot} in it, and the robots in the order of the files.
 
@@ -230,13 +241,8 @@ def file_pattern(files: Sequence[str], known: Sequence[str] = ()) -> tuple[str, 
     """
     patterns: dict[str, list[str]] = {}  # pattern -> the words that it stands for, of each file
     for file in files:
-        stem, dot, ending = file.rpartition(".")
-        spans = [match.span() for match in re.finditer(r"[^/_\-. ]+", stem)]
-        several = [stem[a:d] for (a, _), (_, d) in (*pairwise(spans), *zip(spans, spans[2:], strict=False))]
-        names = [stem[a:b] for a, b in spans] + [name for name in several if name != stem and not {*"/ "} & {*name}]
-        for word in dict.fromkeys(names):
-            whole_word = rf"(?<![^/_\-. ]){re.escape(word)}(?![^/_\-. ])"
-            patterns.setdefault(re.sub(whole_word, "{robot}", stem) + dot + ending, []).append(word)
+        for word, pattern in word_patterns(file, "{robot}"):
+            patterns.setdefault(pattern, []).append(word)
     if len(files) == 1:
         patterns = {pattern: words for pattern, words in patterns.items() if words[0] in known}
 

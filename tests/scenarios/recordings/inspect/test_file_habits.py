@@ -9,6 +9,8 @@ import pytest
 from made_csv_teams import ROBOTS, changed, other_names, two_robots, wide
 
 import cooploc as cl
+from cooploc.scenarios.recordings import schema
+from cooploc.scenarios.recordings.scenario import TeamFolder
 
 pytestmark = pytest.mark.slow  # a second each; test_checks and test_infer_columns are quick
 KINDS = "odom", "truth"
@@ -452,3 +454,58 @@ def test_folders_of_robots_may_be_links_and_a_link_that_leads_back_ends(tmp_path
     for name in ("latest", "best", "red"):  # not followed again and again
         (tmp_path / "disk" / "red" / name).symlink_to(tmp_path / "disk" / "red")
     assert sorted(cl.inspect(tmp_path / "lab").inspected.log.robots) == sorted(ROBOTS)
+
+
+def in_runs(folder, form, runs, zero=0.0):
+    """Files of runs, of other motions, by `form` of kind, robot and run; without `zero`, an hour after each other."""
+    for k, run in enumerate(runs):
+        for name, columns in two_robots(seed=k + 1, seconds=30).items():
+            kind, _, robot = name.removesuffix(".csv").partition("_")
+            path = folder / form.format(kind=kind, robot=robot, run=run).replace("__", "_").replace("_.", ".").strip(
+                "/"
+            )
+            path.parent.mkdir(parents=True, exist_ok=True)
+            shifted = {c: v + zero + 3600 * k * (zero == 0) if c == "time" else v for c, v in columns.items()}
+            pd.DataFrame(shifted).to_csv(path, index=False)
+    (folder / "anchors.csv").write_text("name,x,y\nA1,0,0\nA2,1,0\n")
+
+
+@pytest.mark.parametrize(
+    ("form", "runs"),
+    [
+        ("{run}_{kind}_{robot}.csv", ("01", "02")),
+        ("{kind}_{robot}_{run}.csv", ("dawn", "dusk")),
+        ("{robot}/{run}/{kind}.csv", ("2024-05-11", "2024-05-12")),
+        ("{kind}/{run}/{robot}.csv", ("01", "02")),
+        ("{kind}/{robot}_{run}.csv", ("run 1", "run 2")),
+        ("{run}/{robot}/{kind}.csv", ("01", "02")),
+        ("{kind}/{robot}.csv", ("one",)),
+    ],
+)
+def test_runs_are_told_by_a_word_in_the_names_of_files(tmp_path, form, runs):
+    in_runs(tmp_path, form, runs)
+    found = cl.inspect(tmp_path).inspected
+    assert (len(found.runs), found.trial.problem, {*found.log.robots}) == (len(runs), "", {*ROBOTS})
+    assert found.log.anchors.names == ("A1", "A2")
+    read = TeamFolder(tmp_path, schema.parse(tmp_path / "log.toml", found.text))
+    for k, run in enumerate(read.places):
+        files, log = two_robots(seed=k + 1, seconds=30), read.log(run)
+        assert len(log.readings["range"].time) == len(files["uwb.csv"]["time"])
+        for robot, odometry in zip(log.robots, log.odometry, strict=True):
+            np.testing.assert_allclose(odometry.values[:, 0], files[f"odom_{robot}.csv"]["v"], atol=1e-9)
+
+
+def test_runs_whose_clocks_begin_alike_are_told_by_words_such_as_trial_1(tmp_path):
+    in_runs(tmp_path / "runs", "{robot}_{kind}_{run}.csv", ("trial1", "trial2"), zero=1.0)
+    assert cl.inspect(tmp_path / "runs").inspected.runs == ("trial1", "trial2")
+    in_runs(tmp_path / "none", "{robot}_{kind}_{run}.csv", ("trial1",), zero=1.0)
+    assert cl.inspect(tmp_path / "none").inspected.runs == ("none",)
+
+
+def test_a_robot_whose_clock_is_far_off_is_no_run(tmp_path):
+    for name, columns in two_robots(seconds=30).items():
+        late = {"time": columns["time"] + 3600} if "red" in name else {}
+        pd.DataFrame(columns | late).to_csv(tmp_path / name, index=False)
+    found = cl.inspect(tmp_path).inspected
+    assert len(found.runs) == 1
+    assert found.unused == ("blue: without truth, or too late or too early for the others",)

@@ -1,0 +1,98 @@
+"""Which files of a directory are of which run: by a word in their names, or each file of one robot."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from cooploc.estimators.errors import BadInput
+from cooploc.scenarios.recordings.inspect import naming
+from cooploc.scenarios.recordings.inspect.columns import CsvTable, read_csv
+from cooploc.scenarios.recordings.inspect.table_parts import STAMPS, parts_of
+from cooploc.scenarios.recordings.text_files import NAMED_DATE, files_below, is_text
+
+RUN_WORDS = {"run", "trial", "test", "exp", "experiment", "seq", "sequence", "take", "session", "round", "rep", "day"}
+MOST_SPANS, ENDS = 4, 100  # runs whose first and last lines are looked at, and how many
+
+
+def text_files(folder: Path) -> list[Path]:
+    """Return the text files below a folder."""
+    return [p for p in files_below(folder) if is_text(p)]
+
+
+def runs_in_names(data: Path) -> dict[str, dict[str, str]]:
+    """Return runs by a word in the names of files: run -> {file: its name with {run} in place of it}; {} without any.
+
+    They follow each other in time, or are called run1, trial_2 and so on. Robots do not.
+    """
+    for runs in _possible_runs([p.relative_to(data).as_posix() for p in text_files(data)]):
+        common = min({*next(iter(runs.values())).values()}.intersection(*(of.values() for of in runs.values())))
+        names = [next(name for name, pattern in of.items() if pattern == common) for of in runs.values()][:MOST_SPANS]
+        files = list[CsvTable]()
+        for name in names:
+            with suppress(BadInput):
+                files.append(read_csv(data / name, name, ENDS))
+        spans = sorted(filter(None, map(_span_of, files)))
+        alike = len({frozenset(file.columns) for file in files}) == 1  # not odometry in one, the truth in another
+        apart = all(a[1] < b[0] for a, b in pairwise(spans))
+        if alike and len(spans) > 1 and (apart or are_called_runs(runs)):
+            return runs
+    return {}
+
+
+def are_called_runs(names: Iterable[str]) -> bool:
+    """Return whether names are words such as run1, or dates."""
+    return all("".join(naming.words_of(name)) in RUN_WORDS or NAMED_DATE.fullmatch(name) for name in names)
+
+
+def _span_of(file: CsvTable) -> tuple[float, ...]:
+    """Return the first and last stamp of a file; none where no column holds them."""
+    stamps = next((file.numbers(g.column) for g in file.guesses if g.quantity in ("time", "sec")), np.empty(0))
+    return tuple(sorted(stamps[[0, -1]].tolist())) if len(stamps) > 1 else ()
+
+
+def _possible_runs(files: Sequence[str]) -> Iterator[dict[str, dict[str, str]]]:
+    """Yield what may be runs, by a word that files of each have: run -> {file: its name with {run} in place of it}.
+
+    run1_odom.csv and run1_uwb.csv are {run}_odom.csv and {run}_uwb.csv of run1, if run2 has these, too. What most files
+    may be comes first. Directories of runs are no such words.
+    """
+    words_at: dict[str, dict[str, str]] = {}
+    for file in files:
+        for word, pattern in naming.word_patterns(file, "{run}"):
+            words_at.setdefault(pattern, {})[word] = file
+    patterns: dict[frozenset[str], list[str]] = {}
+    for pattern, of in words_at.items():
+        if len(of) > 1:
+            patterns.setdefault(frozenset(of), []).append(pattern)
+    for runs in sorted(patterns, key=lambda some: -len(some) * len(patterns[some])):
+        if len(patterns[runs]) > 1 and not all(pattern.startswith("{run}/") for pattern in patterns[runs]):
+            yield {run: {of[run]: pattern for pattern, of in words_at.items() if run in of} for run in sorted(runs)}
+
+
+def are_runs_of_one_robot(files: Sequence[CsvTable]) -> tuple[bool, str]:
+    """Return whether files are runs of one robot, and why; "" of files that may be either.
+
+    They have the same columns, with odometry and truth, and follow each other in time, or more than a word of their
+    names differs. With one word, and stamps in common, they are of robots: surely if they measured each other.
+    """
+    stamps, measured = [], set[str]()
+    for file in files:
+        parts = {part.table: part for part in parts_of(file)}
+        same = file.columns.keys() == files[0].columns.keys()
+        if not same or not {"odometry", "truth"} <= parts.keys() or "robot" in parts["odometry"].columns:
+            return False, "their names in the names of the files, or in a column"
+        own = parts["odometry"].columns
+        t = file.numbers(next(own[q].column for q in STAMPS if q in own))
+        measured |= {name for part in parts.values() for name in part.names("other")}
+        if len(t) > 1:
+            stamps.append((t[0], t[-1]))
+    overlaps = sum(later[0] < earlier[1] for earlier, later in pairwise(sorted(stamps)))
+    robots = naming.file_pattern([file.name for file in files])[1]
+    if len(stamps) > 1 and (overlaps < len(stamps) / 2 or len(robots) < len(files)):
+        how = "one after the other in time" if overlaps < len(stamps) / 2 else "whose names differ in more than a word"
+        return True, f"{len(files)} files of the same columns, {how}: runs of one robot"
+    certain = len(stamps) < 2 or measured & {*robots}
+    return False, "their names in the names of the files" if certain else ""
