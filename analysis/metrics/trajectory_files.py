@@ -51,6 +51,7 @@ from cooploc.scenarios.recordings.inspect.naming import (
     match_names,
     name_meaning,
     side_of,
+    without_dates,
     words_of,
 )
 from cooploc.scenarios.recordings.schema import UNITS
@@ -147,13 +148,21 @@ def team_files(place: Path, method: str = "") -> dict[str, Path]:
         own = [path for path in others if method in re.split(r"[_\-. ]", path.stem)]
         files = true if method == TRUTH else own or others
     if not files and place.is_dir():  # a folder for each robot
-        inside = {path.name: team_files(path, method) for path in there if path.is_dir()}
+        folders = [path for path in there if path.is_dir()]
+        inside = {name: team_files(path, method) for path, name in zip(folders, _undated(folders), strict=True)}
         return {name: next(iter(own.values())) for name, own in inside.items() if len(own) == 1}
-    named = {path.stem: path for path in files}
-    for path in files:
-        if named[path.stem] != path:
-            raise BadInput(f"{path} and {named[path.stem].name} are of one robot: remove one of them")
+    names = [name.rpartition(".")[0] or name for name in _undated(files)]
+    named = dict(zip(names, files, strict=True))
+    for path, name in zip(files, names, strict=True):
+        if named[name] != path:
+            raise BadInput(f"{path} and {named[name].name} are of one robot: remove one of them")
     return named
+
+
+def _undated(paths: Sequence[Path]) -> list[str]:
+    """Return the names of files or folders, without dates that their recorders wrote into them."""
+    starred = without_dates([path.name for path in paths])
+    return [re.sub(r"[-_ ]*\*[-_ ]*(?=\.|$)|^\*[-_ ]*|\*", "", starred.get(path.name, path.name)) for path in paths]
 
 
 def read_files(files: Mapping[str, Path], method: str = "") -> dict[str, Trajectory]:

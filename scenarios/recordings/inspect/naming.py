@@ -256,9 +256,13 @@ def file_pattern(files: Sequence[str], known: Sequence[str] = ()) -> tuple[str, 
 
 
 def without_dates(files: Sequence[str]) -> dict[str, str]:
-    """Return names of files with * in place of when they were written, where that alone differs from no other file."""
+    """Return names of files, or folders, with * in place of when they were written, where the rest is of one alone."""
     starred = {file: NAMED_DATE.sub("*", file) for file in files}
-    whole = {file: star for file, star in starred.items() if star != file and re.search("[A-Za-z].*[.]", star)}
+    whole = {
+        file: star
+        for file, star in starred.items()
+        if star != file and re.search("[A-Za-z]", star.rpartition(".")[0] or star)
+    }
     return {f: s for f, s in whole.items() if sum(fnmatchcase(other, s.replace("[", "[[]")) for other in files) == 1}
 
 

@@ -445,6 +445,22 @@ def test_robots_may_be_called_a_little_otherwise_in_files(tmp_path):
     assert list(notes[:2]) == said
 
 
+@pytest.mark.parametrize("place", ["{0}_{1}.txt", "{1}_{0}_ekf.txt", "{0}_{1}/poses.txt", "{0}/{1}.txt"])
+def test_dates_in_names_of_files_say_nothing_of_robots(tmp_path, place):
+    """Of the seconds, those of one robot's truth and of the other's estimate are alike."""
+    t, paths = paths_of_all()
+    for method, seconds in (("truth", (31, 33)), ("mine", (33, 31))):
+        for robot, second in zip(ROBOTS, seconds, strict=True):
+            file = tmp_path / method / place.format(robot, f"2024-05-11-10-19-{second}")
+            file.parent.mkdir(parents=True, exist_ok=True)
+            write_tum(file, t, paths[method][robot])
+    found, notes = judge_trajectories(tmp_path / "truth", {"mine": tmp_path / "mine"})
+    assert {*found["name"]} in ({*ROBOTS}, {f"{robot}_ekf" for robot in ROBOTS})
+    rmse = dict(zip(found["name"].str.removesuffix("_ekf"), found["rmse"], strict=True))
+    assert rmse == {robot: expected(paths)["mine", robot] for robot in ROBOTS}
+    assert not [note for note in notes if "taken for" in note]
+
+
 def test_lines_that_cannot_be_read_are_left_out_and_named(honest, tmp_path):
     t, true, x, _, P = honest
     write_tum(tmp_path / "truth.txt", t, true)
