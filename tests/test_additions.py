@@ -86,7 +86,7 @@ LINES = {  # file -> a line that stands there, and the one that is added before 
         '    """Draw the number of trials of each estimator."""\n'
         '    return errors.groupby("estimator")["trial"].nunique().plot.bar(ax=ax)\n\n\n',
     ),
-    "analysis/plot/__init__.py": (
+    "analysis/plot/__init__.pyi": (
         "from cooploc.analysis.plot.studies import claims",
         "from cooploc.analysis.plot.results import trials_drawn as trials_drawn\n",
     ),

@@ -1,24 +1,22 @@
-"""The figures of `cl.plot`. Each takes and returns matplotlib Axes; to add one, write a function and import it here."""
+"""The figures of `cl.plot`. Each takes and returns matplotlib Axes; to add one, write a function and name it in `.pyi`.
 
-from cooploc.analysis.plot.beliefs import anees as anees
-from cooploc.analysis.plot.beliefs import animate as animate
-from cooploc.analysis.plot.beliefs import ellipses as ellipses
-from cooploc.analysis.plot.beliefs import error_over_time as error_over_time
-from cooploc.analysis.plot.beliefs import trajectories as trajectories
-from cooploc.analysis.plot.results import pareto as pareto
-from cooploc.analysis.plot.results import rmse as rmse
-from cooploc.analysis.plot.results import tradeoff as tradeoff
-from cooploc.analysis.plot.studies import claims as claims
-from cooploc.analysis.plot.studies import information as information
-from cooploc.analysis.plot.studies import readings as readings
-from cooploc.analysis.plot.studies import sensitivity as sensitivity
-from cooploc.analysis.plot.studies import tuned_parameters as tuned_parameters
-from cooploc.analysis.plot.studies import tuning as tuning
-from cooploc.analysis.plot.worlds import residuals as residuals
-from cooploc.analysis.plot.worlds import world as world
+A figure's file is imported when it is first drawn, so that a study does not wait for what it does not draw.
+"""
 
-_FIGURES = [name for name, one in globals().items() if callable(one)]
+import ast
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+_STUB = ast.parse(Path(__file__).with_suffix(".pyi").read_text(encoding="utf-8"))
+_HOME = {of.name: node.module for node in _STUB.body if isinstance(node, ast.ImportFrom) for of in node.names}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(_HOME[name] or ""), name)
 
 
 def __dir__() -> list[str]:
-    return _FIGURES
+    return [*_HOME]
