@@ -24,7 +24,7 @@ from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
 from cooploc.estimators.errors import BadInput
-from cooploc.scenarios.recordings.text_files import NAMED_DATE, files_below
+from cooploc.scenarios.recordings.text_files import NAMED_DATE, are_called_runs, files_below
 
 METADATA = "metadata.yaml"
 ENDINGS = (".bag", ".db3", ".mcap")
@@ -114,7 +114,8 @@ def bags_of_robots(path: Path) -> dict[Path, str]:
         groups = {}
         for bag, name in zip(bags, names, strict=True):
             groups.setdefault(re.sub(number, "", name), []).append(bag)
-        if _overlap_in_time(groups.values()):
+        of_runs = are_called_runs(groups) and not all(map(NAMED_DATE.fullmatch, groups))
+        if not of_runs and _overlap_in_time(groups.values()):  # clocks of run1 and run2 may begin alike
             break
     else:
         return dict.fromkeys(bags, "")

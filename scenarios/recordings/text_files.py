@@ -13,7 +13,7 @@ import re
 import statistics
 import zlib
 from bisect import bisect_right
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from datetime import UTC, datetime
 from functools import partial
@@ -37,10 +37,11 @@ LARGEST = 1e30  # of a number in a recording; stamps in ns have nineteen digits
 MAX_STEP_BACK = 0.5  # [s] stamps that step back by less (MRCLAM 9: by 0.1 s) are sorted; by more, lines are left out
 MOST_ZEROS = 5  # places with zero bytes, such as an interrupted write leaves; a file with more is no text
 LEAST_LEFT = 0.1  # share of the lines of a file that must be readable
+RUN_WORDS = {"run", "trial", "test", "exp", "experiment", "seq", "sequence", "take", "session", "round", "rep", "day"}
 # In names of files: 2024-05-11-10-19-31, 20240511_101931, 11-05-2024 10h19, or seconds since 1970.
 _DAY = r"(?:(?:19|20)\d\d[-_.]?[01]\d[-_.]?[0-3]\d|[0-3]\d[-_.][01]\d[-_.]20\d\d)"
 _TIME = r"[-_T. ]*[0-2]\d[-_.:h]?[0-5]\d(?:[-_.:m]?[0-5]\d)?(?:[-_.]\d{3,9})?[sZ]?"
-NAMED_DATE = re.compile(rf"(?<!\d)(?:{_DAY}(?:{_TIME})?|1\d{{9}}(?:[-_.]?\d{{3,9}})?)(?![0-9A-Za-z])")
+NAMED_DATE = re.compile(rf"(?<!\d)(?:{_DAY}(?:{_TIME})?|1[5-9]\d{{8}}(?:[-_.]?\d{{3,9}})?)(?![0-9A-Za-z])")
 
 
 def read_json_lines(path: Path) -> pd.DataFrame:
@@ -104,6 +105,12 @@ class TextTable(NamedTuple):
     def at(self, row: int) -> str:
         """The place of a row, for an error."""
         return f"{self.path}, line {self.line[row]}"
+
+
+def are_called_runs(names: Iterable[str]) -> bool:
+    """Return whether names of files or folders are words such as run1 and trial_2, or dates."""
+    words = (re.sub("[^a-z]", "", name.lower()) for name in names if not NAMED_DATE.fullmatch(name))
+    return {*words} <= RUN_WORDS
 
 
 def files_below(folder: Path) -> list[Path]:

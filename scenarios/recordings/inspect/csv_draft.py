@@ -29,7 +29,7 @@ from cooploc.scenarios.recordings.inspect.columns import (
 from cooploc.scenarios.recordings.inspect.draft_toml import Draft, DraftTable, Entry
 from cooploc.scenarios.recordings.inspect.findings import Finding
 from cooploc.scenarios.recordings.inspect.places import kind_of_places, read_places, split_places
-from cooploc.scenarios.recordings.inspect.runs import are_called_runs, are_runs_of_one_robot, runs_in_names, text_files
+from cooploc.scenarios.recordings.inspect.runs import are_runs_of_one_robot, runs_in_names, text_files
 from cooploc.scenarios.recordings.inspect.table_parts import (
     NAMELESS,
     NO_STAMPS,
@@ -45,7 +45,7 @@ from cooploc.scenarios.recordings.inspect.table_parts import (
     why_no_table,
 )
 from cooploc.scenarios.recordings.schema import UNITS
-from cooploc.scenarios.recordings.text_files import NAMED_DATE, OTHER_TABLES, is_text
+from cooploc.scenarios.recordings.text_files import NAMED_DATE, OTHER_TABLES, are_called_runs, is_text
 
 REMEDY = "name the files odom_NAME.csv and truth_NAME.csv, or write log.toml by hand (docs/how-to/robots.md)"
 LOOKS = {
@@ -176,7 +176,9 @@ def csv_draft(data: Path) -> Draft:
     if runs := runs_in_names(data):
         with suppress(BadInput):
             draft, robots = _draft_run(data, data, runs)
-            if len(robots) > 1 or are_called_runs(runs):  # else they may be robots with clocks that are far off
+            moves = next(table for table in draft.tables if table.name == "odometry")
+            is_of_run = any(entry.key == "file" and "{run}" in entry.value for entry in moves.entries)
+            if is_of_run and (len(robots) > 1 or are_called_runs(runs)):  # else a robot's clock may be far off
                 return draft
     inside = [p for p in sorted(data.iterdir()) if p.is_dir() and text_files(p)]
     if inside:

@@ -1,6 +1,6 @@
 """Which files of a directory are of which run: by a word in their names, or each file of one robot."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from itertools import pairwise
 from pathlib import Path
@@ -11,9 +11,8 @@ from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.recordings.inspect import naming
 from cooploc.scenarios.recordings.inspect.columns import CsvTable, read_csv
 from cooploc.scenarios.recordings.inspect.table_parts import STAMPS, parts_of
-from cooploc.scenarios.recordings.text_files import NAMED_DATE, files_below, is_text
+from cooploc.scenarios.recordings.text_files import are_called_runs, files_below, is_text
 
-RUN_WORDS = {"run", "trial", "test", "exp", "experiment", "seq", "sequence", "take", "session", "round", "rep", "day"}
 MOST_SPANS, ENDS = 4, 100  # runs whose first and last lines are looked at, and how many
 
 
@@ -40,11 +39,6 @@ def runs_in_names(data: Path) -> dict[str, dict[str, str]]:
         if alike and len(spans) > 1 and (apart or are_called_runs(runs)):
             return runs
     return {}
-
-
-def are_called_runs(names: Iterable[str]) -> bool:
-    """Return whether names are words such as run1, or dates."""
-    return all("".join(naming.words_of(name)) in RUN_WORDS or NAMED_DATE.fullmatch(name) for name in names)
 
 
 def _span_of(file: CsvTable) -> tuple[float, ...]:

@@ -177,6 +177,13 @@ def test_bags_one_after_the_other_and_those_of_a_clock_that_begins_again_are_run
         assert list(find_runs(tmp_path / folder)) == ["run0", "run1"]
 
 
+def test_folders_that_are_called_runs_are_no_robots_though_their_clocks_begin_alike(tmp_path):
+    for name in ("run 1", "run 2"):
+        (tmp_path / name).mkdir()
+        made_bag(tmp_path / name, "ros1", SECONDS, names={"/red/odom": "/odom"})
+    assert list(find_runs(tmp_path)) == ["run 1", "run 2"]
+
+
 def test_runs_of_other_robots_are_to_be_inspected_each(tmp_path):
     """Red drives in both, blue in the second alone, and no topic is the truth of red."""
     for k, robots in enumerate((["red"], ["red", "blue"])):

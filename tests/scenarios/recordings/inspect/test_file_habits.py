@@ -509,3 +509,15 @@ def test_a_robot_whose_clock_is_far_off_is_no_run(tmp_path):
     found = cl.inspect(tmp_path).inspected
     assert len(found.runs) == 1
     assert found.unused == ("blue: without truth, or too late or too early for the others",)
+
+
+def test_parts_of_readings_alone_are_no_runs(tmp_path):
+    files = two_robots(seconds=40)
+    ranges = pd.DataFrame(files.pop("uwb.csv"))
+    for name, columns in files.items():
+        pd.DataFrame(columns).to_csv(tmp_path / name, index=False)
+    for part, lines in (("dawn", ranges[:80]), ("dusk", ranges[80:])):
+        lines.to_csv(tmp_path / f"uwb_{part}.csv", index=False)
+        lines.assign(range=-50.0).rename(columns={"range": "rssi"}).to_csv(tmp_path / f"rssi_{part}.csv", index=False)
+    found = cl.inspect(tmp_path).inspected
+    assert (len(found.runs), {*found.log.robots}) == (1, {*ROBOTS})
