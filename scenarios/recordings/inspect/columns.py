@@ -80,8 +80,7 @@ def read_csv(path: Path, name: str, ends: int = 0) -> CsvTable:
     """
     text = read_text(path).lstrip()
     if ends and text.count("\n") > 2 * ends:
-        lines = text.splitlines(keepends=True)
-        text = "".join(lines[:ends] + lines[-ends:])
+        text = "\n".join([*text.split("\n", ends)[:ends], *text.rsplit("\n", ends)[1:]])
     if not text:
         raise BadInput(f"{path}: the file is empty; get it again")
     plain = plain_numbers(text)
