@@ -104,16 +104,16 @@ def _distinguish_topics(contents: Mapping[str, Mapping[str, Topic]]) -> list[dic
     named: dict[str, dict[str, Topic]] = {own: {} for own in contents}
     for name in dict.fromkeys(name for content in contents.values() for name in content):
         there = {own: content[name] for own, content in contents.items() if name in content}
-        heard = {k: topic for k, topic in there.items() if topic.received}
-        by_length = sorted(heard, key=lambda k: len(heard[k].received))
+        heard = {own: topic for own, topic in there.items() if topic.received}
+        by_length = sorted(heard, key=lambda own: len(heard[own].received))
         if len(heard) < 2:
-            for k, topic in there.items():
-                named[k][name] = topic
+            for own, topic in there.items():
+                named[own][name] = topic
         elif len(heard[by_length[0]].hashes & heard[by_length[-1]].hashes) > len(heard[by_length[0]].hashes) / 2:
             named[by_length[-1]][name] = heard[by_length[-1]]
         else:
-            for k, topic in heard.items():
-                named[k][k + name] = topic
+            for own, topic in heard.items():
+                named[own][own + name] = topic
     return [*named.values()]
 
 
