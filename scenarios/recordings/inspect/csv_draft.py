@@ -52,6 +52,7 @@ LOOKS = {
     "odometry": "odometry (speeds and turn rates, poses with headings, or steps), from which every estimator starts",
     "truth": "truth (x and y)",
 }
+MOST_RUNS = 3  # of which a draft is tried
 LOUDER = 8.0  # [dB] than what stands for no signal are all others
 KEYS = {"ahead": "x", "left": "y"}  # quantity -> its key in log.toml, where it is another
 
@@ -173,9 +174,10 @@ def _robots(folder: Path, parts: Sequence[TablePart]) -> tuple[str, ...]:
 
 def csv_draft(data: Path) -> Draft:
     """Return the draft for a directory of CSV files, or of runs with such files."""
-    if runs := runs_in_names(data):
+    runs = runs_in_names(data)
+    for run in [*runs][:MOST_RUNS]:  # a file of the first may be broken
         with suppress(BadInput):
-            draft, robots = _draft_run(data, data, runs)
+            draft, robots = _draft_run(data, data, {run: runs[run], **runs})
             moves = next(table for table in draft.tables if table.name == "odometry")
             is_of_run = any(entry.key == "file" and "{run}" in entry.value for entry in moves.entries)
             if is_of_run and (len(robots) > 1 or are_called_runs(runs)):  # else a robot's clock may be far off

@@ -521,3 +521,10 @@ def test_parts_of_readings_alone_are_no_runs(tmp_path):
         lines.assign(range=-50.0).rename(columns={"range": "rssi"}).to_csv(tmp_path / f"rssi_{part}.csv", index=False)
     found = cl.inspect(tmp_path).inspected
     assert (len(found.runs), {*found.log.robots}) == (1, {*ROBOTS})
+
+
+def test_a_broken_file_of_the_first_run_is_the_one_that_is_named(tmp_path):
+    in_runs(tmp_path, "{kind}/{robot}_{run}.csv", ("dawn", "dusk"))
+    (tmp_path / "odom" / "red_dawn.csv").write_text("")
+    with pytest.raises(cl.BadInput, match=r"odom/red_dawn.csv, line 1: .*the file is empty; get it again"):
+        cl.inspect(tmp_path)
