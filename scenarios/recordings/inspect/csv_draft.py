@@ -62,7 +62,7 @@ KEYS = {"ahead": "x", "left": "y"}  # quantity -> its key in log.toml, where it 
 def _read_files(
     paths: Iterable[Path], folder: Path, data: Path, of_run: Mapping[str, str] = MappingProxyType({})
 ) -> tuple[list[CsvTable], list[str]]:
-    """Read the CSV files of a run, and note those that are no tables; `of_run`: their names with {run} in them."""
+    """Read the CSV files of a run, and note those that are no tables. `of_run`: file -> its name with {run}."""
     files, unread = [], []
     for path in paths:
         name = path.relative_to(folder if path.is_relative_to(folder) else data).as_posix()

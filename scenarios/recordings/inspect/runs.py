@@ -50,8 +50,8 @@ def _span_of(file: CsvTable) -> tuple[float, ...]:
 def _possible_runs(files: Sequence[str]) -> Iterator[dict[str, dict[str, str]]]:
     """Yield what may be runs, by a word that files of each have: run -> {file: its name with {run} in place of it}.
 
-    run1_odom.csv and run1_uwb.csv are {run}_odom.csv and {run}_uwb.csv of run1, if run2 has these, too. What most files
-    may be comes first. Directories of runs are no such words.
+    run1_odom.csv and run1_uwb.csv are {run}_odom.csv and {run}_uwb.csv of run1, if run2 has these, too. The runs with
+    the most files come first. Directories that hold all files of a run are left out: those are found otherwise.
     """
     words_at: dict[str, dict[str, str]] = {}
     for file in files:
