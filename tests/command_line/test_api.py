@@ -145,6 +145,7 @@ def test_what_is_no_run_is_refused_in_one_line(read):
         read(3)
 
 
+@pytest.mark.slow
 def test_a_run_is_not_compared_with_itself(tmp_path):
     (tmp_path / "s.toml").write_text(
         'about = "a"\ntrials = 1\nscenarios = ["trajectory[ticks=2]"]\nestimators = ["arl"]\n'
@@ -154,6 +155,7 @@ def test_a_run_is_not_compared_with_itself(tmp_path):
         cl.compare_runs(run, tmp_path / "run")
 
 
+@pytest.mark.slow
 def test_a_sweep_in_braces_is_several_estimators_wherever_names_are_listed():
     stream = cl.simulate("trajectory[ticks=2]")[1]
     labels = ["arl", "mrsl-rssi[particles=10]", "mrsl-rssi[particles=20]"]

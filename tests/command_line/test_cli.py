@@ -31,14 +31,15 @@ def place(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def ran(place):
-    return cooploc("run", "small.toml", "--out", "run", cwd=place)
+    return inside("run", "small.toml", "--out", "run", cwd=place)
 
 
-def test_run_prints_a_table_and_writes_a_picture_and_says_where(ran, place):
-    assert ran.returncode == 0, ran.stderr
-    for word in ("trajectory[ticks=10]", "arl", "ekf-joint", "RMSE", "centralised", "run/rmse.png"):
-        assert word in ran.stdout
-    assert (place / "run" / "rmse.png").read_bytes().startswith(b"\x89PNG")
+def test_run_prints_a_table_and_writes_a_picture_and_says_where(place):
+    told = cooploc("run", "small.toml", "--out", "installed", cwd=place)
+    assert told.returncode == 0, told.stderr
+    for word in ("trajectory[ticks=10]", "arl", "ekf-joint", "RMSE", "centralised", "installed/rmse.png"):
+        assert word in told.stdout
+    assert (place / "installed" / "rmse.png").read_bytes().startswith(b"\x89PNG")
 
 
 @pytest.mark.slow
@@ -103,6 +104,7 @@ def test_what_the_system_refuses_is_one_line_with_a_remedy():
     assert _explain(KeyError("a fault of ours")) is None
 
 
+@pytest.mark.slow
 def test_check_passes_a_builtin_and_fails_a_broken_file(place):
     assert inside("check", "dead-reckoning").returncode == 0
     (place / "broken.py").write_text(

@@ -72,6 +72,7 @@ def test_a_mistake_is_one_line(call, said):
     assert [place.partition(",")[0] for place in places] == ["test_in_notebooks.py"] * 2  # the call, and the lambda
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("error", "line"), [(ValueError, "ValueError: oops"), (Strange, "Strange: oops")])
 def test_an_error_of_an_estimator_shows_its_own_lines_alone(error, line):
     stream = cl.simulate("trajectory[ticks=2]", trials=1)[1]
@@ -95,6 +96,7 @@ def test_what_a_function_returned_is_shown_as_the_command_line_does(capsys):
         cl.show(errors)
 
 
+@pytest.mark.slow
 def test_results_are_the_tables_of_the_command_line_with_what_it_says_below(tmp_path):
     (tmp_path / "bad.py").write_text(
         "from cooploc.estimators.dead_reckoning import DeadReckoning\n\n\n"

@@ -44,6 +44,7 @@ def test_the_reference_has_every_public_name():
     assert told == set(cl.__all__)
 
 
+@pytest.mark.slow
 def test_the_table_of_estimators_is_made_from_the_code():
     """A new estimator is added to it by `python docs/generated.py`."""
     page = (ROOT / "docs/reference/estimators.md").read_text("utf-8")

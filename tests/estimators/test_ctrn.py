@@ -31,6 +31,7 @@ def by_hand(x, P, x_j, P_j, z, sigma, grid=500):
     return best[1:]
 
 
+@pytest.mark.slow
 def test_moments_are_covariance_intersection_by_hand():
     """Two robots: every fused mean and covariance against a scan that shares no code with them."""
     _, stream = cl.simulate("robots-1-3/n=2", trials=6, seed=4, ticks=8)

@@ -123,6 +123,7 @@ def misled(seed=13, trials=5):
     return truth, stream.replace_arrays({"prior.x": x, "prior.P": P})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("anchor_reading", ["doa", "doa-constant", "gradient", "rssi"])
 def test_a_robot_in_the_wrong_place_is_found_again_unless_told_never(anchor_reading):
     """Shares of 60 teams that end more than 1 m off; 200 teams gave 6, 8, 0 and 0 %, and without it 51 to 74 %."""
@@ -218,6 +219,7 @@ def one_number(stream, sensor):
     return replace(stream, world=world, senses=stream.senses._replace(**readings))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["gbp", "map-joint", "iekf-joint", "ukf-joint"])
 def test_bearings_alone_are_read(name):
     truth, stream = simulate("camera/n=3", trials=2, seed=26, ticks=40)
@@ -246,6 +248,7 @@ def test_weights_for_the_position_alone_leave_less_doubt_about_it_at_the_first_f
     assert smaller.tolist() == [True] * max(1, len(smaller))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("label", ["camera[ticks=120]", "trajectory[ticks=120]", "scalability/n=10[ticks=15]"])
 def test_interim_master_is_the_joint_filter_while_nothing_is_lost(label):
     _, stream = simulate(label, trials=2, seed=28)

@@ -91,6 +91,7 @@ def test_a_fixed_weight_is_the_published_formula_with_that_weight():
     np.testing.assert_allclose(equal, 0.2 * y, atol=1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rule", [inverse_intersection, lambda a, b, y, _: intersection_at_weight(0.8, a, b, y)])
 @pytest.mark.parametrize("k", [1, 2])
 def test_no_shared_information_makes_inverse_intersection_optimistic(k, rule):
@@ -115,6 +116,7 @@ def test_no_shared_information_makes_inverse_intersection_optimistic(k, rule):
     assert tight > 60
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("a", "b", "y", "v"), [(1.0, 2.0, 1.5, 0.5), (3.0, 0.4, -2.0, 0.7), (1.0, 1.0, 0.0, 0.3)])
 def test_harmonic_mean_is_the_quotient_of_densities_by_quadrature(a, b, y, v):
     def mixture(x):
@@ -179,6 +181,7 @@ def test_without_a_threshold_it_is_covariance_intersection(label):
         np.testing.assert_array_equal(getattr(traces["event"], name), getattr(traces["ci"], name))
 
 
+@pytest.mark.slow
 def test_the_higher_the_threshold_the_less_is_sent():
     _, stream = simulate("robots-1-3/n=3", trials=5, seed=7, ticks=80)
     rules = {t: EkfEventCi(threshold=t) for t in (0, 0.03, 0.3, 3, np.inf)}

@@ -103,6 +103,7 @@ def copied(sound, tmp_path_factory):
     return copy
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", TEXTS)
 def test_a_sound_recording_is_read(sound, kind):
     assert not isinstance(read(kind, sound / kind), BadInput)

@@ -28,6 +28,7 @@ def pairs(rows):
     return {pair for choices in matter for pair in combinations(choices, 2)}
 
 
+@pytest.mark.slow
 def test_every_possible_pair_of_choices_stands_in_the_covering_array():
     every = {
         ((a, x), (b, y))
@@ -63,6 +64,7 @@ def test_a_reading_is_applied_to_every_method_that_has_the_parameter(label):
             )
 
 
+@pytest.mark.slow
 def test_the_reading_of_public_code_changes_what_the_code_settles_and_stands_once_in_the_design():
     code = interpretations.code(DIMENSIONS)
     assert interpretations.design(DIMENSIONS).count(code) == 1

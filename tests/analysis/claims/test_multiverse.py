@@ -85,6 +85,7 @@ def test_equal_specifications_count_once_and_say_which_dimensions_matter():
     assert found["letter"].sum() == found["preset"].sum() == 1
 
 
+@pytest.mark.slow
 def test_cases_with_the_same_numbers_count_once_and_so_do_the_definitions_of_a_size():
     """Signal strengths are the same in a world whose ranges alone are biased."""
     once, twice = ledger(size=-0.4), ledger(size=-0.4, scenarios=["nlos", "nlos/bias=0.5"])
@@ -147,6 +148,7 @@ def test_the_sentence_names_the_choices_that_set_the_holding_ones_apart(verdicts
     assert shared_assumptions(part, [name for name in ("a", "b") if name in columns]) == sentence
 
 
+@pytest.mark.slow
 def test_the_command_prints_the_map_where_more_than_the_preset_was_run(capsys):
     asked = ledger()
     table = made(asked, better_in_a_box)

@@ -408,6 +408,7 @@ LOOKED = read(
 )
 
 
+@pytest.mark.slow
 def test_a_verdict_keeps_the_look_that_reached_it_and_what_is_open_keeps_its_cells_going():
     equal = two(1.0, spread=0.3)
     better_at_first = equal.assign(mse=equal["mse"].mask((equal["estimator"] == "a") & (equal["trial"] < 20), 0.2))

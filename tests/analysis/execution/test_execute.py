@@ -94,6 +94,7 @@ def test_an_added_estimator_and_a_lost_part_are_all_that_runs(tmp_path, capsys):
     assert lost.read_bytes() == kept
 
 
+@pytest.mark.slow
 def test_more_trials_compute_only_what_is_new_and_fewer_nothing(tmp_path, finished):
     folder = tmp_path / "run"
     small = STUDY.replace_options(only=("dead-reckoning",), trials=7)

@@ -121,6 +121,7 @@ def test_a_table_that_cannot_be_compared_is_refused(given, reason):
         compare(*given)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("anees", "coverage", "flag"),
     [

@@ -97,6 +97,7 @@ def test_where_it_does_not_hold_it_says_why(label, reason):
         floor(cl.simulate(label, trials=1, seed=1, ticks=2)[1], (*CHANNELS, "anchor_doa"))
 
 
+@pytest.mark.slow
 def test_floors_by_name_are_pooled_over_ticks_and_nan_where_none_holds():
     found = floors(["robots-1-3/n=2[ticks=30]", "nlos", "wifi/all", "scalability/n=5"], seed=1, most=3)
     _, stream = cl.simulate("robots-1-3/n=2[ticks=30]", trials=20, seed=1)

@@ -54,6 +54,7 @@ OTHER_PATHS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("change", "said"), OTHER_PATHS.values(), ids=OTHER_PATHS)
 def test_of_paths_that_fit_the_truth_of_the_stream_otherwise_it_is_said(change, said):
     truth, stream = cl.simulate("trajectory[ticks=120]", trials=2, seed=3)

@@ -29,6 +29,7 @@ def test_where_all_is_linear_it_is_the_mean_and_covariance_of_the_whole_path_giv
             np.testing.assert_allclose(found.P[trial, k, i], dense[k + 1, i, :, k + 1, i], atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("anchors", ["rssi", "range"])
 def test_elsewhere_no_path_beside_it_is_more_probable(rng, anchors):
     """By the density written down again."""

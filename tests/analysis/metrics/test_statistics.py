@@ -128,6 +128,7 @@ def test_wilson_of_whole_trials_is_the_textbook_formula():
     assert (low, high) == pytest.approx(((centre - half) / (1 + z**2 / n), (centre + half) / (1 + z**2 / n)))
 
 
+@pytest.mark.slow
 def test_equivalence_errs_in_five_percent_where_the_rmse_is_at_the_edge_of_the_margin():
     rng, tied = np.random.default_rng(12), []
     for _ in range(REPEATS):
@@ -138,6 +139,7 @@ def test_equivalence_errs_in_five_percent_where_the_rmse_is_at_the_edge_of_the_m
     assert (equivalence(a, a, 0.1), equivalence(a, 4 * a, 0.1)) == (0.0, pytest.approx(1.0, abs=1e-3))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("trials", [10, 30])
 def test_the_test_of_a_difference_rejects_five_percent_of_equals_and_agrees_with_its_interval(trials):
     rng, rejected = np.random.default_rng(18), []

@@ -517,6 +517,7 @@ def other_names(folder):
     return folder
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", [one_file, columns_of_each, folders, other_names])
 def test_a_team_is_one_file_or_folders_or_files_named_otherwise(team, tmp_path, form):
     for name in ("truth", "mine"):
@@ -560,6 +561,7 @@ OF_A_ROBOT = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("write", OF_A_ROBOT.values(), ids=OF_A_ROBOT)
 def test_poses_are_read_as_programs_write_them(tmp_path, write):
     t, paths = paths_of_all()
@@ -633,6 +635,7 @@ def test_a_flag_names_no_method(tmp_path):
     assert found["ticks"].item() == len(t)
 
 
+@pytest.mark.slow
 def test_tables_in_memory_are_judged_as_files_are(tmp_path):
     t, paths = paths_of_all()
     results = pd.read_csv(one_table(tmp_path, t, paths))
@@ -659,6 +662,7 @@ def test_the_truth_and_all_methods_may_be_in_one_table(tmp_path, form):
         judge_trajectories(place, {"ours": place})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("methods", [("odom", "ekf"), ("ekf", "odom")])
 def test_of_columns_of_odometry_and_of_a_filter_those_of_the_method_count(tmp_path, methods):
     t, paths = paths_of_all()
@@ -674,6 +678,7 @@ def test_of_columns_of_odometry_and_of_a_filter_those_of_the_method_count(tmp_pa
         assert errors[key] == [expected(paths)[method, robot] for robot in sorted(ROBOTS)]
 
 
+@pytest.mark.slow
 def test_a_word_says_which_columns_are_true_and_methods_in_any_case(tmp_path):
     t, paths = paths_of_all()
     of = {"gnss": "truth", "PF": "mine", "odom": "theirs", "EKF": "mine"}

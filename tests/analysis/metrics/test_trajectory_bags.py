@@ -58,6 +58,7 @@ def test_a_bag_may_hold_the_truth_beside_what_a_filter_says(tmp_path, true):
     assert rmse_of(judge_trajectories(bag, dict.fromkeys(("mine", "theirs"), bag))[0]) == expected(paths)
 
 
+@pytest.mark.slow
 def test_topics_with_covariances_come_before_those_without(truth, tmp_path):
     _, paths = paths_of_all()
     with_it = [poses(f"/{robot}/odom", ODOMETRY, paths["mine"][robot]) for robot in ROBOTS]
@@ -65,6 +66,7 @@ def test_topics_with_covariances_come_before_those_without(truth, tmp_path):
     assert rmse_of(judge_trajectories(truth, {"mine": bag})[0]) == expected_of()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("true", ["groundtruth", "/amcl_pose", "/red/amcl_pose"])
 def test_one_robots_topics_need_not_have_its_name_and_a_word_says_which_is_true(tmp_path, true):
     paths = {name: of["red"] for name, of in paths_of_all()[1].items()}
@@ -100,6 +102,7 @@ def test_of_a_damaged_bag_what_can_be_recovered_is_judged(truth, tmp_path):
         judge_trajectories(truth, {"mine": bag})
 
 
+@pytest.mark.slow
 def test_robots_may_be_called_a_little_otherwise_in_a_bag(tmp_path):
     _, paths = paths_of_all()
     for method, name, kind in (("truth", "/mocap/robot{}/pose", POSE), ("mine", "/tb3_{}/odom", ODOMETRY)):
@@ -150,6 +153,7 @@ def pose_in(frame, pose):
     return np.column_stack([c * dx + s * dy, -s * dx + c * dy, turn])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("base", "method", "place"),
     [

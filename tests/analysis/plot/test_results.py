@@ -48,6 +48,7 @@ def test_a_sweep_of_nothing_or_of_something_unknown_is_refused(given, said):
         cl.simulate("packet-drop", drop={0, 0.5})
 
 
+@pytest.mark.slow
 def test_a_sweep_is_drawn_as_lines_and_other_scenarios_side_by_side():
     swept = pd.concat([rows_of(f"packet-drop/drop={d}", TEAM) for d in (0.9, 0, 0.5)], ignore_index=True)
     ax = cl.plot.rmse(swept)
@@ -91,6 +92,7 @@ def test_a_parameter_of_estimators_is_swept_too_on_the_scale_where_its_values_ar
     plt.close("all")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("columns", [1, 2])
 def test_a_legend_of_long_names_stays_in_its_figure(columns):
     names = {f"mrsl-rssi[particles={n}]": (1.0, 1.0) for n in range(100, 1000, 100)}

@@ -23,6 +23,7 @@ def test_the_same_run_is_bit_equal(tmp_path):
     assert "bit-equal" in table(found).markdown()
 
 
+@pytest.mark.slow
 def test_a_change_is_paired_by_trial(tmp_path):
     def worse(rows):
         mine = rows["estimator"] == "b"
@@ -62,6 +63,7 @@ def test_two_runs_that_do_not_differ_are_called_different_in_at_most_5_percent()
     assert 0.02 < np.mean(found) < 0.05 + 3 * np.sqrt(0.05 * 0.95 / 1000)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("alter", "failing", "different"),
     [
@@ -82,6 +84,7 @@ def test_a_job_can_fail_where_an_estimator_became_worse(tmp_path, alter, failing
         found.is_any("better")
 
 
+@pytest.mark.slow
 def test_what_only_one_of_them_has_is_said(tmp_path):
     a, b = pair(tmp_path, lambda rows: rows[rows["estimator"] == "a"])
     row = changes(a, b).set_index("estimator").loc["b"]

@@ -117,6 +117,7 @@ def test_what_is_hopeless_stops_early_and_what_is_better_is_chosen():
     assert finish.best.state == "finished"
 
 
+@pytest.mark.slow
 def test_an_estimator_that_nothing_makes_better_mostly_stays_as_shipped():
     def flat(label, item):
         return noise(item) + noise(item, label)

@@ -53,6 +53,7 @@ def test_a_study_with_nothing_to_tune_is_refused_before_anything_runs(tmp_path):
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("other", ["log/one", "log/all", "log/copy", "log/one[position_sd=0.3]"])
 def test_the_judged_run_is_recognised_under_other_names(data, other):
     with pytest.raises(BadInput, match="which is judged"):

@@ -51,6 +51,7 @@ def test_robots_without_odometry_stay_where_they_were_and_grow_uncertain(blind):
     np.testing.assert_allclose(a.P[:, -1, 2 - blind :], P[:, 2 - blind :], rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_orientations_have_their_noise_and_leave_all_other_readings_as_they_were():
     label = "camera/n=3[ticks=400,view=3.0,sigma_orientation=0.1]"
     truth, stream = cl.simulate(label, trials=5, seed=4)

@@ -74,6 +74,7 @@ def test_moments_are_weighted_and_circular(d, heading):
 # ---------------------------------------------------------------- resampling
 
 
+@pytest.mark.slow
 @given(shares, st.integers(0, 2**53 - 1))
 @repeatable
 def test_ancestors_are_filterpys_for_the_same_uniform(w, bits):
@@ -96,6 +97,7 @@ def test_bad_weights_choose_particles_that_exist(bad):
     np.testing.assert_array_equal(chosen[[0, 2]], np.tile(np.arange(40), (2, 1)))
 
 
+@pytest.mark.slow
 @wide
 @pytest.mark.parametrize("heading", [0.5, 3.1])
 def test_renewal_keeps_mean_and_covariance(d, heading):

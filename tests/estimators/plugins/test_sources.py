@@ -3,6 +3,8 @@
 import sys
 from importlib.metadata import version
 
+import pytest
+
 from cooploc.analysis.execution.provenance import plugins
 from cooploc.estimators import configure
 from cooploc.estimators.plugin_files import files_of_module, neighbours_of
@@ -13,6 +15,7 @@ def write(folder, **texts):
         (folder / f"{name}.py").write_text(text)
 
 
+@pytest.mark.slow
 def test_helpers_in_a_files_folder_are_found_and_those_of_helpers_and_all_their_versions(tmp_path):
     write(tmp_path, mine="import numpy, one\ndef f():\n    from pack.deep import g\n", two="import mine", unused="")
     write(tmp_path, one="import two, cooploc, json\ndef f():\n    from filterpy import kalman", json="")

@@ -67,6 +67,7 @@ class Walkers:
     def exchange(self, z, radio): ...
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("label", ["packet-drop/drop=0.5", "asynchrony"])
 def test_a_team_that_broadcasts_is_billed_as_its_robots_are(label):
     stream = cl.simulate(label, trials=2, ticks=30)[1]
@@ -92,6 +93,7 @@ def test_a_centralised_team_pays_for_what_its_robots_upload_as_the_joint_filter_
     assert (traces["team"].notes["ticks"] == 30).all()
 
 
+@pytest.mark.slow
 def test_a_team_of_the_wrong_shape_or_without_an_exchange_is_told_what_it_lacks():
     class Flat(Walkers):
         def estimate(self):

@@ -254,6 +254,7 @@ class NeedsFour(DeadReckoning):
         return super().init(prior, world, rows)
 
 
+@pytest.mark.slow
 def test_an_estimator_that_refuses_our_worlds_is_checked_in_one_that_it_is_made_for():
     refused = check_estimator(NeedsFour(), isolate=False)["runs"]
     assert "it needs four robots" in refused.detail
@@ -271,6 +272,7 @@ class SeesHeadingsOfAllIfAny(SeesHeadingsOfAll):
 OF_ALL = {"link-honesty", "non-interference"}  # what it breaks that takes other robots' readings without mail
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("estimator", "failed"), [(SeesHeadings(), set()), (SeesHeadingsOfAll(), OF_ALL)])
 def test_an_estimator_of_a_channel_that_our_worlds_lack_is_checked_where_there_is_one(estimator, failed):
     refused = check_estimator(estimator, isolate=False)["runs"]
@@ -304,6 +306,7 @@ class ForDisplacements(broken.DeadReckoning):
         return super().init(prior, world, rows)
 
 
+@pytest.mark.slow
 def test_an_estimator_is_checked_in_the_worlds_that_it_does_not_refuse():
     report = check_estimator(ForDisplacements(), isolate=False)
     assert report.passed, report.table()

@@ -45,6 +45,7 @@ def test_headers_of_a_clock_that_was_not_set_are_shifted_to_the_recorders(tmp_pa
     np.testing.assert_allclose(series["/red/cmd"].time, written["/red/cmd"][0], atol=1e-6)
 
 
+@pytest.mark.slow
 def test_several_bags_are_read_as_one(tmp_path):
     path, _ = made_bag(tmp_path, "mcap", seconds=1.0)
     path.rename(tmp_path / "earlier")

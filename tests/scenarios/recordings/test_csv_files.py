@@ -215,6 +215,7 @@ def test_a_robot_without_truth_is_told_and_one_without_odometry_left_out(lab):
     assert any("robot 'blue' has fewer than two samples of odometry; it was left out" in w for w in read(lab).warnings)
 
 
+@pytest.mark.slow
 def test_a_strict_run_refuses_what_another_reads_around_and_says_that_trials_are_runs(lab, tmp_path, capsys):
     describe(lab, ("seconds = 60.0", "seconds = 6.0"))
     odometry = sorted(lab.glob("odom*.csv"))[0]
@@ -281,6 +282,7 @@ WORDS = [
 ]
 
 
+@pytest.mark.slow
 @given(
     rows=st.lists(
         st.lists(st.floats(-1e19, 1e19, width=64) | st.sampled_from(WORDS), min_size=3, max_size=3), min_size=1

@@ -7,8 +7,8 @@ import pytest
 from made_team import describe, write
 from scipy.integrate import quad
 from scipy.stats import norm, t
-from statsmodels.api import RLM
 from statsmodels.robust.norms import HuberT
+from statsmodels.robust.robust_linear_model import RLM
 from statsmodels.robust.scale import HuberScale
 
 from cooploc.estimators.robust import DEGREES, penalty

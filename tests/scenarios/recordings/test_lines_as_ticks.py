@@ -139,6 +139,7 @@ def test_nothing_is_fitted_across_set_ups(data):
     assert "run 'e' is fitted on no other run, too little for sigma_v" in refused(data, "e")
 
 
+@pytest.mark.slow
 def test_a_part_of_another_run_is_not_a_run_and_is_not_fitted_on(data):
     rows = lines(1)
     write(data, "b-end", rows[20:])
@@ -196,6 +197,7 @@ def test_the_first_motion_gives_the_heading_before_the_turns_that_led_to_it(data
     assert wrap(stream.prior.x[0, 0, 2] - (pose[0, 2] - 2.0)) == pytest.approx(0, abs=0.15)
 
 
+@pytest.mark.slow
 def test_the_trials_of_all_are_the_runs(data):
     for k, name in enumerate("abc"):
         (truth, stream), (_, alone) = simulate(data, "all", [k]), simulate(data, name)

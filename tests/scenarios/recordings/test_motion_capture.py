@@ -85,6 +85,7 @@ def test_other_texts_are_none():
         assert motion_capture.table_of(text) is None
 
 
+@pytest.mark.slow
 @given(
     st.sampled_from([*EXPORTS, vicon()]),
     st.lists(

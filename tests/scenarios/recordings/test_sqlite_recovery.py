@@ -105,6 +105,7 @@ def test_an_empty_file_is_one_line_that_says_what_repairs_it(tmp_path, kind, rem
         topics(path)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not FOUR.exists(), reason="needs ../shared/data/uwb-tiers")
 def test_of_the_recorded_bag_with_bytes_missing_all_but_18_log_messages_are_recovered():
     found, (warning,) = topics(FOUR)

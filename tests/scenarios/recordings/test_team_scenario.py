@@ -158,6 +158,7 @@ def ranged(rows, t0, ticks, bias):
     return table
 
 
+@pytest.mark.slow
 def test_a_stream_fed_by_hand_has_the_same_bits(recorded, tmp_path):
     """Read, put on ticks and corrected by plain loops over the lines of the files."""
     folder = lab(recorded, tmp_path, STATED, ("[odometry]", "[sample]\nduration = 5.0\n[odometry]"), runs=["one"])

@@ -69,6 +69,7 @@ def test_names_classes_instances_lists_and_mappings_become_instances(given, name
     assert all(made.api == 1 and not isinstance(made, type) for made in found.values())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("given", "stream", "words"),
     [

@@ -172,6 +172,7 @@ def test_a_run_of_a_problem_names_it_and_says_where_its_streams_are_others(tmp_p
             cl.run_study("arena-3@1", out=tmp_path, **given)
 
 
+@pytest.mark.slow
 def test_a_scenarios_label_is_a_study_of_the_estimators_that_are_named(tmp_path):
     label, estimators = "trajectory[ticks=4,eta={2,3}]", ["dead-reckoning", "ekf-{local,ci}"]
     results = cl.run_study(label, estimators=estimators, trials=2, out=tmp_path / "run")

@@ -30,6 +30,7 @@ def true_drive(truth, tick):
     return drive
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("label", "tick", "sd"), [("camera", 0.1, (0.04, 0.15)), ("no-compass", 1.0, (0.02, 0.1))])
 def test_odometry_is_the_true_drive_with_its_noise(label, tick, sd):
     truth, stream = cl.simulate(label, trials=20, seed=4)

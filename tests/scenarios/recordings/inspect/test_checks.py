@@ -183,6 +183,7 @@ def test_a_planted_fault_is_found_with_its_robot_and_the_setting_to_change(name)
     assert found[0].setting
 
 
+@pytest.mark.slow
 def test_one_that_stands_here_and_there_does_not_jump():
     def stand(t, v):
         v[:] = np.repeat(v[::20], 20, axis=0)[: len(v)] * 5
@@ -206,6 +207,7 @@ def test_the_offset_of_a_clock_is_what_it_was_shifted_by(shift):
     assert [float(f.setting.removeprefix("clock_offset = ")) for f in found] == pytest.approx([-shift] * 3, abs=0.5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robots", [range(3), [1]])
 def test_odometry_is_late_where_readings_agree_with_the_truth(robots):
     log = team_log("camera", 3)
@@ -218,6 +220,7 @@ def test_odometry_is_late_where_readings_agree_with_the_truth(robots):
     assert [*offsets] == pytest.approx([0.4] * len(offsets), abs=0.1)
 
 
+@pytest.mark.slow
 def test_odometry_that_is_too_rare_for_what_the_robot_does_is_said():
     log = series("odometry", 1, lambda t, v: (t[::5], v[::5]))(team_log("no-compass", 2))
     found = [f for f in findings(log) if f.kind == "coarse"]
@@ -225,6 +228,7 @@ def test_odometry_that_is_too_rare_for_what_the_robot_does_is_said():
     assert found[0].fact.startswith("odometry comes every 5 s, and ")
 
 
+@pytest.mark.slow
 def test_sightings_are_late_by_what_bearings_say():
     log = readings(["landmark"], "time", lambda r: r.time + 0.3)(team_log("camera", 3))
     (found,) = findings(log)
@@ -317,6 +321,7 @@ def test_rows_and_counts_are_those_of_the_series():
     assert names[len(robots) :] == log.landmarks.names
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "fact", "setting"),
     [
@@ -338,6 +343,7 @@ def test_signals_that_fall_otherwise_than_by_distance_are_found(change, fact, se
     assert (ax.get_xscale(), ax.get_ylabel()) == ("log", "signal strength [dBm]")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise", [0.0, 0.1])
 def test_ranges_that_were_computed_from_signals_are_told_from_measured_ones(noise):
     log = team_log("trajectory", 4)

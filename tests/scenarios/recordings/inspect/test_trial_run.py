@@ -190,6 +190,7 @@ def test_a_draft_leaves_out_a_robot_that_lacks_a_series(tmp_path, change):
     assert truth.valid.mean() > 0.9
 
 
+@pytest.mark.slow
 def test_a_robot_whose_odometry_is_empty_is_named_and_the_draft_leaves_no_traceback(tmp_path):
     log = inspection.inspect_recording(write(tmp_path / "team", two_robots(seconds=60))).log
     cut_out = log._replace(odometry=(cut(log.odometry[0], log.odometry[0].time < 0), log.odometry[1]))
