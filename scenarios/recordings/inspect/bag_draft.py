@@ -3,7 +3,7 @@
 import re
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
-from itertools import pairwise
+from itertools import chain, pairwise
 from pathlib import Path
 from types import MappingProxyType
 
@@ -82,9 +82,9 @@ def bag_draft(path: Path) -> Draft:
     kept, places = split_places([*of_fields.values()])
     of_fields = dict(zip(of_fields, kept, strict=True))
     states = {name for name in found if STATES & {*words_of(name)}}
-    wheels = _wheels([t for t in found.values() if t.name not in states], of_fields)
-    poses = _poses(found, wheels.values(), states)
-    truth = _truth_topics(wheels, poses, states)
+    wheels, more = _wheels([t for t in found.values() if t.name not in states], of_fields)
+    poses = _poses(found, (*wheels.values(), *more.values()), states)
+    truth = _truth_topics(wheels | more, poses, states)
     inspect_each = "; ".join(f"cooploc inspect {run}" for run in runs)
     differ = f"{path}: the topics of its {len(runs)} runs differ; inspect each: {inspect_each}"
     if not wheels and each:
@@ -94,7 +94,7 @@ def bag_draft(path: Path) -> Draft:
         remedy = "compute them from wheels, and write odom_NAME.csv beside it, and log.toml by hand"
         lack = "no robot has odometry (nav_msgs/Odometry, or speeds and turn rates)"
         raise BadInput(f"{path}: {lack}; {remedy}; topics: {names}")
-    wheels = {robot: wheels[robot] for robot in truth or wheels}
+    wheels = {robot: (wheels | more)[robot] for robot in truth or wheels}
     robots, numbers = list(wheels), {name: t.type for name, t in found.items() if t.type in (RANGE, *NUMBERS)}
     series = read_topics(whole, [t for t in (*wheels.values(), *truth.values(), *numbers) if t in found])[0]
     imus = [t.name for t in there if t.type == IMU]
@@ -270,18 +270,33 @@ def _topics(by_robot: Mapping[str, str], why: str) -> Entry:
 # --- Tables
 
 
-def _wheels(found: Sequence[TopicInfo], of_fields: Mapping[str, CsvTable]) -> dict[str, str]:
-    """Return the topics of odometry by robot: odometry counts first, then speeds, commands, and poses by a camera."""
+def _wheels(found: Sequence[TopicInfo], of_fields: Mapping[str, CsvTable]) -> tuple[dict[str, str], dict[str, str]]:
+    """Return the topics of odometry by robot: odometry counts first, then speeds, commands, and poses by a camera.
+
+    The second are of robots that have none of these, but such topics as the next kind, or as of a filter.
+    """
     fields = [
         topic
         for topic, table in of_fields.items()
         if first_columns(table.guesses, ("speed",)) and not TRUTH & {*words_of(topic)}
         if not first_columns(table.guesses, ("robot", "other"))
     ]
-    for forms in (["Odometry"], ["TwistStamped", "TwistWithCovarianceStamped"], [], ["Twist"]):
-        if some := [t.name for t in found if t.type.rpartition("/")[2] in forms] if forms else fields:
-            return topics_by_robot([name for name in some if not ESTIMATES & {*words_of(name)}] or some)
-    return topics_by_robot([t.name for t in found if "x [m]" in t.columns and VISUAL & {*words_of(t.name)}])
+    kinds: Sequence[Sequence[str]] = (["Odometry"], ["TwistStamped", "TwistWithCovarianceStamped"], [], ["Twist"])
+    each = [[t.name for t in found if t.type.rpartition("/")[2] in forms] if forms else fields for forms in kinds]
+    for k, some in enumerate(each):
+        if some:
+            own = topics_by_robot([name for name in some if not ESTIMATES & {*words_of(name)}] or some)
+            standard = chain(*(each[i] for i in range(k, len(kinds)) if kinds[k] and kinds[i]))
+            return own, _of_other_robots(own, [*standard])
+    return topics_by_robot([t.name for t in found if "x [m]" in t.columns and VISUAL & {*words_of(t.name)}]), {}
+
+
+def _of_other_robots(own: Mapping[str, str], topics: Sequence[str]) -> dict[str, str]:
+    """Return the first topic of each other robot by name: /blue/odometry/filtered beside /red/odom and /green/odom."""
+    places = {topic.split("/").index(robot) for robot, topic in own.items() if robot in topic.split("/")}
+    parts = {topic: topic.split("/") for topic in reversed(topics)}
+    k = min(places, default=0)
+    return {of[k]: topic for topic, of in parts.items() if k and len(of) > k + 1 and of[k] not in own}
 
 
 def _truth(truth: Mapping[str, str], series: Mapping[str, TopicSeries]) -> DraftTable:
@@ -444,13 +459,15 @@ def _odometry(
     Where they never turn, turn rates are those of `imus`, the topics of gyroscopes by robot.
     """
     first, every = next(iter(wheels.values())), [series[topic] for topic in wheels.values() if topic in series]
-    kind, why, where = "velocity", "its messages have speeds", _topics(wheels, "its messages are of motion")
-    if every and every[0].type.endswith("/Odometry"):
-        where = _topics(wheels, "its type is Odometry")
+    filtered = first_of(topic for topic in wheels.values() if ESTIMATES & {*words_of(topic)})
+    also = f"; {filtered} is what a filter says, perhaps of more than wheels" * bool(filtered)
+    kind, why, where = "velocity", "its messages have speeds", _topics(wheels, f"its messages are of motion{also}")
+    if every and all(one.type.endswith("/Odometry") for one in every):
+        where = _topics(wheels, f"its type is Odometry{also}")
         why = "the headings of the poses do not turn as the turn rates beside them"
         if all(map(_turns_as_stated, every)) and any(np.ptp(one.select("x [m]")) > 0.01 for one in every):
             kind, why = "pose", "poses lose nothing with a lost message"
-    elif every and "x [m]" in every[0].columns:
+    elif every and all("x [m]" in one.columns for one in every):
         return [DraftTable("odometry", (Entry("kind", "pose", "its messages are poses", "perhaps"), where))]
     own = first_columns(of_fields[first].guesses, ("speed", "turn_rate")) if first in of_fields else {}
     fields = [column_entry(quantity, guess) for quantity, guess in own.items()]
