@@ -47,23 +47,25 @@ class Matched(NamedTuple):
 
 
 def match_trajectories(
-    truth: Path, estimates: Mapping[str, str | Path], align: str, axes: str, largest: float = 0.01
+    place: Path, of_truth: str, estimates: Mapping[str, Path], align: str, axes: str, largest: float
 ) -> Matched:
-    """Return the poses that all methods have beside the true ones, with the arguments of `judge_trajectories`."""
+    """Return the poses that all methods have beside the true ones, with the arguments of `judge_trajectories`.
+
+    `place` and `of_truth` are those of `place_of_truth`.
+    """
     for name, value, known in (("align", align, ALIGNMENTS), ("axes", axes, AXES)):
         if value not in known:
             raise BadInput(f"there is no {name} {value!r}; {nearest(value, list(known))}")
     if not estimates:
         raise BadInput("there are no estimates to judge: name a folder or bag")
-    place, of_truth = _place_of_truth(truth)
     true = read_team(place, (), of_truth)
     teams = dict[str, Team]()
     for name, folder in estimates.items():
         try:
-            teams[name] = read_team(Path(folder), list(true), name)
+            teams[name] = read_team(folder, list(true), name)
         except BadInput as e:
             remedy = f"; if other columns or topics are true, name them: --truth WORD={place}"
-            is_unsaid = "has no trajectory" in str(e) and Path(folder) == place and of_truth == TRUTH
+            is_unsaid = "has no trajectory" in str(e) and folder == place and of_truth == TRUTH
             raise BadInput(f"{e}{remedy * is_unsaid}") from None
     for name, team in teams.items():
         require_estimates(name, team, true)
@@ -83,7 +85,7 @@ def match_trajectories(
     return Matched(place.resolve().name, paths, chosen, tuple(shorten(remarks)))
 
 
-def _place_of_truth(truth: Path) -> tuple[Path, str]:
+def place_of_truth(truth: Path) -> tuple[Path, str]:
     """Return where true poses are and, of WORD=PLACE, the word of their columns or topics; refuse one that none has."""
     word, _, rest = str(truth).partition("=")
     if truth.exists() or not (word and rest):
@@ -268,19 +270,25 @@ def _best_shift(one: Trajectory, true: Trajectory) -> tuple[float, float, float]
     """
     few = _thin(one)
 
-    def misfit(shift: float) -> float:
-        at = few.stamp + shift
+    def misfits(shifts: Array) -> Array:
+        """Return the root mean square distance [m] with each shift, once the path is aligned as by `fit_frame`."""
+        at = few.stamp + shifts[:, None]
         inside = (at >= true.stamp[0]) & (at <= true.stamp[-1])
-        if inside.sum() < max(3, len(at) / 2):
-            return np.inf
-        path = np.stack([np.interp(at[inside], true.stamp, true.x[:, k]) for k in range(2)], -1)
-        return fit_frame(few.x[inside, :2], path)[2]
+        count = np.maximum(inside.sum(1), 1)[:, None]
+        x = np.broadcast_to(few.x[:, :2].T[:, None], (2, *at.shape))
+        path = np.stack([np.interp(at, true.stamp, true.x[:, k]) for k in range(2)])
+        (ax, ay), (bx, by) = (
+            np.where(inside, each - (each * inside).sum(-1, keepdims=True) / count, 0.0) for each in (x, path)
+        )
+        overlap = np.hypot((ax * bx + ay * by).sum(1), (ax * by - ay * bx).sum(1))
+        square = ((ax**2 + ay**2 + bx**2 + by**2).sum(1) - 2 * overlap) / count[:, 0]
+        return np.where(inside.sum(1) < max(3, len(few.stamp) / 2), np.inf, np.sqrt(np.maximum(square, 0.0)))
 
     def search(shifts: Array) -> tuple[float, float]:
-        misfits = [misfit(shift) for shift in shifts.tolist()]
-        return float(shifts[np.argmin(misfits)]), min(misfits)
+        found = misfits(shifts)
+        return float(shifts[np.argmin(found)]), float(found.min())
 
-    now, (shift, best) = misfit(0.0), search(SHIFTS)
+    now, (shift, best) = float(misfits(np.zeros(1))[0]), search(SHIFTS)
     if best < SHIFTED * now < np.inf:
         return shift, best, now
     if now < ELSEWHERE * spread_of(true.x):

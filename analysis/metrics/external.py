@@ -16,7 +16,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
-from tempfile import TemporaryDirectory, mkdtemp
 
 import numpy as np
 import pandas as pd
@@ -25,7 +24,6 @@ from cooploc.analysis.metrics.alignment import (
     ENOUGH,
     Matched,
     align_team,
-    match_trajectories,
     path_remarks,
     require_estimates,
     rotation,
@@ -39,6 +37,7 @@ from cooploc.analysis.metrics.trajectory_files import (
     read_files,
     team_files,
 )
+from cooploc.analysis.metrics.trajectory_runs import Place, match_runs
 from cooploc.estimators import split_labels
 from cooploc.estimators.errors import BadInput, shorten
 from cooploc.estimators.interface import Array, Mask
@@ -281,8 +280,8 @@ def to_tum(truth: Truth, run: Run, folder: str | Path, time: Array | None = None
 
 
 def judge_trajectories(
-    truth: str | Path | pd.DataFrame,
-    estimates: Mapping[str, str | Path | pd.DataFrame],
+    truth: Place,
+    estimates: Mapping[str, Place],
     align: str = "none",
     axes: str = "world",
     pieces: int = 1,
@@ -292,6 +291,7 @@ def judge_trajectories(
 
     Only true poses count that every method has an estimate for, so that all are judged at the same times. Columns are
     those of `cl.errors`, with the robot's `name`, `rpe` [m] and `heading` [rad], root mean squares; a trial is a piece.
+    Of several runs (`trajectory_runs` says which are) a trial is a run, whose name is in the column `run`.
 
     Args:
         truth: the folder, file or bag of true trajectories, or a table with the columns of such a file. Where
@@ -300,7 +300,7 @@ def judge_trajectories(
         align: each robot's path to the truth by its first pose (`origin`) or by a rotation and a translation of least
             squares (`se2`), one for the whole `team`, or not at all (`none`).
         axes: in which covariances are stated: those of the `world`, or of the robot's `body`, x forward.
-        pieces: into so many the recording is cut, as trials from which intervals come; they are not independent.
+        pieces: into so many a single recording is cut, as trials from which intervals come; they are not independent.
         largest_difference: [s] between stamps that belong together.
 
     Raises:
@@ -309,25 +309,27 @@ def judge_trajectories(
     """
     if not isinstance(estimates, Mapping):
         raise BadInput(f'estimates is a {type(estimates).__name__}: name each, as in {{"mine": "DIR"}}')
-    with TemporaryDirectory() as folder:
-        places = {name: _place_of(name, where, folder) for name, where in estimates.items()}
-        own = re.compile(rf"{re.escape(folder)}/[^/]*/")  # of tables; messages name the file alone
-        try:
-            found = match_trajectories(_place_of(TRUTH, truth, folder), places, align, axes, largest_difference)
-        except BadInput as e:
-            raise BadInput(own.sub("", str(e))) from None
-    return judge_pieces(*in_pieces(found, pieces), list(found.paths)), tuple(own.sub("", r) for r in found.remarks)
+    found, remarks = match_runs(truth, estimates, align, axes, largest_difference)
+    return judge_matched(found, pieces)[0], remarks
 
 
-def _place_of(name: str, where: object, folder: str) -> Path:
-    """Return where trajectories lie; a table is written into the folder first."""
-    if isinstance(where, pd.DataFrame):
-        path = Path(mkdtemp(dir=folder)) / (re.sub(r"[^\w-]", "_", name) + ".csv")
-        where.to_csv(path, index=where.index.name is not None)
-        return path
-    if not isinstance(where, str | Path):
-        raise BadInput(f"{name} is a {type(where).__name__}; name a folder, file or bag, or give a pandas.DataFrame")
-    return Path(where)
+def judge_matched(found: Mapping[str, Matched], pieces: int) -> tuple[pd.DataFrame, Truth, Run]:
+    """Return the errors of runs, a trial each, or of the pieces of the only one; the truth and paths of the first."""
+    cut = [(*in_pieces(one, pieces if len(found) == 1 else 1), list(one.paths)) for one in found.values()]
+    rows = [judge_pieces(*one) for one in cut]
+    if len(found) > 1:
+        rows = [one.assign(trial=k, run=run) for k, (run, one) in enumerate(zip(found, rows, strict=True))]
+    return pd.concat(rows, ignore_index=True), *cut[0][:2]
+
+
+def over_runs(robots: pd.DataFrame) -> pd.DataFrame:
+    """Return a row for each method and robot of all runs: root mean squares, ANEES and coverage over all poses."""
+    powers = {"rmse": 2, "rpe": 2, "heading": 2, "anees": 1, "coverage95": 1}
+    found = []
+    for (method, name), part in robots.groupby(["estimator", "name"], sort=False):
+        means = {q: np.average(part[q] ** power, weights=part["ticks"]) ** (1 / power) for q, power in powers.items()}
+        found.append({"estimator": method, "name": name, "ticks": part["ticks"].sum(), **means})
+    return pd.DataFrame(found)
 
 
 def mean_drift(rows: pd.DataFrame) -> pd.DataFrame:

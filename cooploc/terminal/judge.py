@@ -5,17 +5,17 @@ from pathlib import Path
 
 import pandas as pd
 
-from cooploc.analysis.metrics.alignment import match_trajectories
 from cooploc.analysis.metrics.compare import compare
 from cooploc.analysis.metrics.external import (
     drift,
     evaluate_external,
-    in_pieces,
-    judge_pieces,
+    judge_matched,
     mean_drift,
+    over_runs,
 )
+from cooploc.analysis.metrics.trajectory_runs import match_runs
 from cooploc.analysis.report.tables import csv_text, frame
-from cooploc.estimators.errors import BadInput
+from cooploc.estimators.errors import BadInput, first_of
 from cooploc.scenarios.runner.run import Run
 from cooploc.scenarios.stream import Truth
 from cooploc.terminal import tables
@@ -24,6 +24,7 @@ from cooploc.terminal.console import make_console
 ONCE = ("estimator", "name", "ticks", "rmse", "rpe", "heading", "anees", "coverage95")
 DRIFT = "drift: RPE [m] between neighbouring poses, heading [rad]; root mean squares"
 EACH = "each robot, over its whole path; RMSE and RPE as evo has them"
+EACH_OF_RUNS = "each robot, over all poses of all runs; robots.csv has each run"
 
 
 def show_trajectories(
@@ -31,16 +32,19 @@ def show_trajectories(
     **shown: bool,
 ) -> None:  # fmt: skip
     """Judge trajectories in files by true ones, and print who errs least, each robot's errors, and remarks."""
-    found = match_trajectories(truth, named, align, axes, within)
-    names, whole = list(found.paths), in_pieces(found, 1)
-    robots, rows = judge_pieces(*whole, names), judge_pieces(*in_pieces(found, pieces), names)
+    with make_console(stderr=True).status("matching paths with the truth; a hundred runs take half a minute"):
+        found, remarks = match_runs(truth, named, align, axes, within)
+    robots, true, paths = judge_matched(found, 1)
+    rows, *_ = judge_matched(found, pieces)
     squares = robots["mse"] * robots["ticks"]  # of as many poses for each method
     order = squares.groupby(robots["estimator"], sort=False).sum().sort_values(kind="stable").index
     rows = pd.concat([rows[rows["estimator"] == name] for name in order], ignore_index=True)
-    apart = f"trials are {pieces} pieces of the recording, one after the other and not independent"
-    how = f"alignment: {align}; covariances in axes of the {axes}"
-    notes = [how, *[apart] * (pieces > 1), *found.remarks]
-    _show(rows, robots, whole[0], whole[1], notes, out, **shown)
+    notes = [f"alignment: {align}; covariances in axes of the {axes}"]
+    if len(found) > 1:
+        notes.append(f"trials are {len(found)} runs: {first_of(found, 10)}; paths on the page are those of the first")
+    elif pieces > 1:
+        notes.append(f"trials are {pieces} pieces of the recording, one after the other and not independent")
+    _show(rows, robots, true, paths, [*notes, *remarks], out, **shown)
 
 
 def show_external(
@@ -62,8 +66,10 @@ def _show(
     console, mean = make_console(stderr=as_json), mean_drift(rows).rename(columns={"estimator": "method"})
     parts = [frame(DRIFT, mean)] if mean[["rpe", "heading"]].notna().any(axis=None) else []
     if robots is not None:
-        robots = robots[list(ONCE)].rename(columns={"ticks": "poses", "estimator": "method", "name": "robot"})
-        parts.append(frame(EACH, robots))
+        columns = {"ticks": "poses", "estimator": "method", "name": "robot"}
+        pooled = over_runs(robots)[list(ONCE)].rename(columns=columns)
+        robots = robots[[*ONCE, *robots.columns.intersection(["run"])]].rename(columns=columns)
+        parts.append(frame(EACH_OF_RUNS if "run" in robots else EACH, pooled))
     for one in () if as_json else parts:
         console.print(one.terminal())
     for note in notes:
