@@ -16,14 +16,12 @@ from cooploc.analysis.metrics.trajectory_bags import TRUTH
 from cooploc.analysis.metrics.trajectory_files import COVARIANCE, ENDINGS, PLACES, STORED
 from cooploc.estimators.errors import BadInput, first_of, shorten
 from cooploc.scenarios.recordings.inspect.naming import words_of
+from cooploc.scenarios.recordings.inspect.runs import LEAST_LINES, is_run_column
 from cooploc.scenarios.recordings.text_files import RUN_WORDS, are_called_runs, is_text, read_text, split_fields
 
 Place = str | Path | pd.DataFrame
 BAGS = ".bag", ".mcap", ".db3"
 IN_NAMES = re.compile(rf"(?<![a-z])(?:{'|'.join(RUN_WORDS)})[-_ ]?\d+(?!\d)", re.IGNORECASE)
-COLUMNS = {"run", "trial", "experiment", "episode", "mc", "montecarlo", "realization", "realisation"}
-NUMBERS = {"id", "no", "nr", "number", "index", "idx"}  # words beside these
-ENOUGH = 20  # poses of each run, where a column tells them
 
 
 def match_runs(
@@ -126,8 +124,7 @@ def _runs_of_table(path: Path, folder: Path) -> dict[str, Path]:
     """Return a file for each run of a table with a column of runs."""
     text = read_text(path)
     head = split_fields(text[:100_000])[0]
-    said = [{*words_of(name)} - NUMBERS for name in head]
-    column = next((k for k, words in enumerate(said) if words and words <= COLUMNS), None)
+    column = next((k for k, name in enumerate(head) if is_run_column(name)), None)
     if column is None:
         return {}
     _, _, rows = split_fields(text)
@@ -135,7 +132,7 @@ def _runs_of_table(path: Path, folder: Path) -> dict[str, Path]:
     for _, fields in rows:
         if len(fields) == len(head) and fields[column].strip():
             lines.setdefault(_key(f"{words_of(head[column])[0]} {fields[column]}"), []).append(fields)
-    if len(lines) < 2 or min(map(len, lines.values())) < ENOUGH:
+    if len(lines) < 2 or min(map(len, lines.values())) < LEAST_LINES:
         return {}
     home, kept = Path(mkdtemp(dir=folder)), [k for k in range(len(head)) if k != column]
     for run, own in lines.items():

@@ -34,14 +34,27 @@ from cooploc.scenarios.recordings.team_log import (
     without_leaps,
     without_missing,
 )
-from cooploc.scenarios.recordings.text_files import files_below, read_lines, read_text, split_fields, unwrap_stamps
+from cooploc.scenarios.recordings.text_files import (
+    files_below,
+    parse_field,
+    read_lines,
+    read_text,
+    split_fields,
+    unwrap_stamps,
+)
 
 
 def find_runs(data: Path, description: TeamDescription) -> dict[str, Path]:
     """Return the runs in a directory: itself, if its files are there, else each directory in it that has them."""
     file = (description.odometry.file if description.odometry else None) or ""
     pattern = file.replace("[", "[[]").replace("{robot}", "*").replace("{run}", "*")
-    if "{run}" in file:
+    if description.run:
+        places = sorted(data.glob(pattern))
+        words = {
+            run_in(description, names) for path in places for names in read_lines(path, (), [description.run]).names
+        }
+        found = dict.fromkeys(sorted(words), data)
+    elif "{run}" in file:
         found = dict.fromkeys(_runs_of_files(data, file, {*description.robots, *description.moves.nodes}), data)
     elif any(data.glob(pattern)):
         found = {data.resolve().name: data}
@@ -53,6 +66,12 @@ def find_runs(data: Path, description: TeamDescription) -> dict[str, Path]:
             "correct `file` in [odometry] of log.toml"
         )
     return found
+
+
+def run_in(description: TeamDescription, names: Sequence[str], k: int = 0) -> str:
+    """Return the name of the run that is in field k of a line: its word, or trial7 of 7 in the column `trial`."""
+    number = parse_field(names[k])
+    return f"{description.run}{number:g}" if np.isfinite(number) else names[k].strip()
 
 
 def _runs_of_files(data: Path, file: str, robots: Collection[str]) -> list[str]:
@@ -143,7 +162,8 @@ def rows_of(
     numbers = [*source.time, *(column for column in columns if column is not None)]
     names = [name for column in numbers for name in column.columns]
     of = source.other if isinstance(source, ReadingColumns) else None
-    named = [column.column for column in (source.robot, of) if column is not None]
+    whose, what = ([column.column] if column is not None else [] for column in (source.robot, of))
+    named = [*whose, *[run.description.run] * bool(run.description.run), *what]
     mates = dict(permutations(run.description.robots, 2))  # of two, the only one
     robots = run.description.robots if source.robot is None else ("",)  # "": a column gives the name
     in_columns, k = "{other}" in "".join(names), len(source.time)
@@ -162,6 +182,9 @@ def rows_of(
         if in_columns and not {*own} <= {*split_fields(read_text(path)[:100_000])[0]}:
             continue
         lines = read_lines(path, own, named)
+        if run.description.run:
+            mine = [k for k, n in enumerate(lines.names) if run_in(run.description, n, len(whose)) == run.name]
+            lines = lines._replace(values=lines.values[mine], names=[lines.names[k] for k in mine])
         run.warnings.extend(lines.notes)
         stamp = lines.values[:, :k]
         time, notes = unwrap_stamps(((stamp - run.zero) * [c.factor for c in source.time]).sum(-1))
@@ -169,9 +192,9 @@ def rows_of(
         values = in_si(lines.values[:, k:], columns)
         who = [source.nodes.get(names[0], names[0]) if source.robot else robot for names in lines.names]
         things = {**source.nodes, **getattr(source, "others", {})}
-        what = [things.get(names[-1], names[-1]) if of else other for names in lines.names]
-        what = what if of or other else [mates.get(one, "") for one in who]
-        yield CsvRows(path, stamp, time + values_of(source.clock_offset, who), who, what, values)
+        seen = [things.get(names[-1], names[-1]) if of else other for names in lines.names]
+        seen = seen if of or other else [mates.get(one, "") for one in who]
+        yield CsvRows(path, stamp, time + values_of(source.clock_offset, who), who, seen, values)
 
 
 def in_si(numbers: Array, columns: Sequence[LogColumn | None]) -> Array:

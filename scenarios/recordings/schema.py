@@ -446,6 +446,7 @@ class TeamDescription(Strict):
     format: Format
     recordings: str = ""  # the directory that they are in, where that is not the one of log.toml
     about: str = ""
+    run: str = ""  # the column of all CSV files that tells runs, where a file has several
     robots: tuple[Name, ...] = ()  # their names, in the order of the results; of PyFG and MRCLAM all, if none is named
     arena: tuple[Place, Place] | None = None  # lower left and upper right corner [m]; else 2 m around all fixed things
     set_ups: tuple[str, ...] = ("*",)  # runs whose names match one pattern had the same hardware and site
@@ -476,6 +477,8 @@ class TeamDescription(Strict):
     @model_validator(mode="after")
     def _has_sources(self) -> Self:
         sources = self._sources
+        if self.run and self.format != "csv":
+            raise ValueError(f'run is a column of CSV files, and format = "{self.format}"; leave it out')
         if self.format not in ("csv", "bag"):
             if sources or self.anchors or self.landmarks:
                 said = "odometry, truth, readings and places"

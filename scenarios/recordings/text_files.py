@@ -38,6 +38,8 @@ MAX_STEP_BACK = 0.5  # [s] stamps that step back by less (MRCLAM 9: by 0.1 s) ar
 MOST_ZEROS = 5  # places with zero bytes, such as an interrupted write leaves; a file with more is no text
 LEAST_LEFT = 0.1  # share of the lines of a file that must be readable
 RUN_WORDS = {"run", "trial", "test", "exp", "experiment", "seq", "sequence", "take", "session", "round", "rep", "day"}
+RUN_COLUMNS = {"run", "trial", "experiment", "episode", "mc", "montecarlo", "realization", "realisation"}
+COUNTS = {"id", "no", "nr", "number", "index", "idx"}  # words beside these
 # In names of files: 2024-05-11-10-19-31, 20240511_101931, 11-05-2024 10h19, or seconds since 1970.
 _DAY = r"(?:(?:19|20)\d\d[-_.]?[01]\d[-_.]?[0-3]\d|[0-3]\d[-_.][01]\d[-_.]20\d\d)"
 _TIME = r"[-_T. ]*[0-2]\d[-_.:h]?[0-5]\d(?:[-_.:m]?[0-5]\d)?(?:[-_.]\d{3,9})?[sZ]?"

@@ -29,7 +29,7 @@ from cooploc.scenarios.recordings.inspect.columns import (
 from cooploc.scenarios.recordings.inspect.draft_toml import Draft, DraftTable, Entry
 from cooploc.scenarios.recordings.inspect.findings import Finding
 from cooploc.scenarios.recordings.inspect.places import kind_of_places, read_places, split_places
-from cooploc.scenarios.recordings.inspect.runs import are_runs_of_one_robot, runs_in_names, text_files
+from cooploc.scenarios.recordings.inspect.runs import are_runs_of_one_robot, first_of_column, runs_in_names, text_files
 from cooploc.scenarios.recordings.inspect.table_parts import (
     NAMELESS,
     NO_STAMPS,
@@ -232,6 +232,7 @@ def _draft_run(
     `in_names` are runs that are told by a word in the names of their files.
     """
     files, unused, unread = _read_run(folder, data, in_names)
+    files, column = first_of_column(files)
     doubts: tuple[Finding, ...] = ()
     runs, why = are_runs_of_one_robot(files)
     runs &= folder == data and not in_names
@@ -241,6 +242,7 @@ def _draft_run(
         doubts = (Finding("robots", "", "", f"{common}, may be of one robot each, or runs of one", "perhaps", setting),)
     of_runs = f" of a run; {{run}} is {first_of(in_names)}" if in_names else ""
     entries = [Entry("format", "csv", f"{len(files)} text files with columns{of_runs}")]
+    entries += [Entry("run", column, "the column of runs, by its name and its few values", "likely")] * bool(column)
     files = files[:1] if runs else files
     tables_found = {part.table for file in files for part in parts_of(file)}
     halved = {part.table for file in files for part in parts_of(file, True)}

@@ -1,5 +1,6 @@
-"""Which files of a directory are of which run: by a word in their names, or each file of one robot."""
+"""Which files of a directory are of which run: by a word in their names, by a column, or each file of one robot."""
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from itertools import pairwise
@@ -9,11 +10,13 @@ import numpy as np
 
 from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.recordings.inspect import naming
-from cooploc.scenarios.recordings.inspect.columns import CsvTable, read_csv
+from cooploc.scenarios.recordings.inspect.columns import CsvTable, infer_columns, read_csv
 from cooploc.scenarios.recordings.inspect.table_parts import STAMPS, parts_of
-from cooploc.scenarios.recordings.text_files import are_called_runs, files_below, is_text
+from cooploc.scenarios.recordings.text_files import COUNTS, RUN_COLUMNS, are_called_runs, files_below, is_text
 
 MOST_SPANS, ENDS = 4, 100  # runs whose first and last lines are looked at, and how many
+PAUSE = 10  # usual steps between runs that follow each other
+LEAST_LINES = 20  # of each run, where a column tells them
 
 
 def text_files(folder: Path) -> list[Path]:
@@ -39,6 +42,49 @@ def runs_in_names(data: Path) -> dict[str, dict[str, str]]:
         if alike and len(spans) > 1 and (apart or are_called_runs(runs)):
             return runs
     return {}
+
+
+def first_of_column(files: Sequence[CsvTable]) -> tuple[list[CsvTable], str]:
+    """Return the lines of the first run, and the column that tells runs; all lines, and "", where none does."""
+    stamped = [file for file in files if _span_of(file)]
+    for file in stamped:
+        for column in file.columns:
+            count = Counter(file.words(column)) if is_run_column(column) else {}
+            if len(count) < 2 or min(count.values()) < LEAST_LINES or _goes_on(file, column):
+                continue
+            if lacking := [other.name for other in stamped if column not in other.columns]:
+                fact = f"{file.name} has runs in the column {column!r}, and {lacking[0]} has none"
+                raise BadInput(f"{fact}; add it, or write a directory for each run")
+            first = next(iter(count))
+            return [_select(one, column, first) if one in stamped else one for one in files], column
+    return list(files), ""
+
+
+def _goes_on(file: CsvTable, column: str) -> bool:
+    """Return whether time goes on wherever a column changes, as it does where a robot began to run.
+
+    Runs begin after a pause or at the same time; where lines are in the order of their stamps, most have several words.
+    """
+    stamps = next(np.asarray(file.columns[g.column]) for g in file.guesses if g.quantity in ("time", "sec"))
+    steps, words = np.diff(stamps), np.array(file.words(column))
+    there, usual = steps[words[1:] != words[:-1]], np.median(np.abs(steps[steps != 0])) if steps.any() else 0.0
+    shared = len({*zip(stamps.tolist(), words.tolist(), strict=True)}) > 1.5 * len({*stamps.tolist()})
+    return not shared and bool(((there >= 0) & (there <= PAUSE * usual)).all())
+
+
+def is_run_column(column: str) -> bool:
+    """Return whether a column's name says that it tells runs, as `trial` and `run_id` do."""
+    words = {*naming.words_of(column)} - COUNTS
+    return bool(words) and words <= RUN_COLUMNS
+
+
+def _select(file: CsvTable, column: str, word: str) -> CsvTable:
+    """Return the lines with a word in a column, without it."""
+    rows = [k for k, one in enumerate(file.words(column)) if one == word]
+    kept = {c: v for c, v in file.columns.items() if c != column}
+    columns = {c: tuple(v[k] for k in rows) if isinstance(v, tuple) else v[rows] for c, v in kept.items()}
+    found = file._replace(columns=columns)
+    return found._replace(guesses=infer_columns(found))
 
 
 def _span_of(file: CsvTable) -> tuple[float, ...]:

@@ -9,6 +9,7 @@ import pytest
 from made_csv_teams import ROBOTS, changed, other_names, two_robots, wide
 
 import cooploc as cl
+from cooploc.estimators.errors import BadInput
 from cooploc.scenarios.recordings import schema
 from cooploc.scenarios.recordings.scenario import TeamFolder
 
@@ -493,6 +494,49 @@ def test_runs_are_told_by_a_word_in_the_names_of_files(tmp_path, form, runs):
         assert len(log.readings["range"].time) == len(files["uwb.csv"]["time"])
         for robot, odometry in zip(log.robots, log.odometry, strict=True):
             np.testing.assert_allclose(odometry.values[:, 0], files[f"odom_{robot}.csv"]["v"], atol=1e-9)
+
+
+def in_one_table(columns, words, name="trial"):
+    """The lines of all runs, each with its word in a column; the clocks of all begin alike."""
+    parts = [pd.DataFrame(of).assign(**{name: word}) for word, of in zip(words, columns, strict=True)]
+    return pd.concat(parts, ignore_index=True)
+
+
+@pytest.mark.parametrize("words", [(1, 2), (1.0, 2.0), ("dawn", "dusk")], ids=str)
+@pytest.mark.parametrize("order", ["trial", "time"])
+def test_a_column_tells_the_runs_of_a_file(tmp_path, words, order):
+    each = [two_robots(seed=k + 1, seconds=30) for k in range(2)]
+    for name in each[0]:
+        table = in_one_table([of[name] for of in each], words).sort_values(order, kind="stable")
+        table.to_csv(tmp_path / name, index=False)
+    found = cl.inspect(tmp_path).inspected
+    runs = tuple(word if isinstance(word, str) else f"trial{word:.0f}" for word in words)
+    assert (found.runs, found.trial.problem, found.findings) == (runs, "", ())
+    read = TeamFolder(tmp_path, schema.parse(tmp_path / "log.toml", found.text))
+    for run, files in zip(runs, each, strict=True):
+        log = read.log(run)
+        np.testing.assert_array_equal(log.readings["range"].values[:, 0], files["uwb.csv"]["range"])
+        for robot, odometry in zip(log.robots, log.odometry, strict=True):
+            np.testing.assert_allclose(odometry.values[:, 0], files[f"odom_{robot}.csv"]["v"], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "flag", [lambda t: t > 10, lambda t: t // 5 % 2, lambda t: 0 * t + 4], ids=["began to run", "now and then", "one"]
+)
+def test_a_column_that_changes_while_time_goes_on_tells_no_runs(tmp_path, flag):
+    for name, columns in two_robots(seconds=30).items():
+        pd.DataFrame(columns | {"run": flag(columns["time"]).astype(int)}).to_csv(tmp_path / name, index=False)
+    found = cl.inspect(tmp_path).inspected
+    assert (len(found.runs), found.trial.problem, found.findings) == (1, "", ())
+
+
+def test_a_file_without_the_column_of_runs_is_named(tmp_path):
+    each = [two_robots(seed=k + 1, seconds=30) for k in range(2)]
+    for name in each[0]:
+        table = in_one_table([of[name] for of in each], (1, 2))
+        table.drop(columns=["trial"] * (name == "uwb.csv")).to_csv(tmp_path / name, index=False)
+    with pytest.raises(BadInput, match=r"has runs in the column 'trial', and uwb\.csv has none; add it, or write"):
+        cl.inspect(tmp_path)
 
 
 def test_runs_whose_clocks_begin_alike_are_told_by_words_such_as_trial_1(tmp_path):
