@@ -109,7 +109,12 @@ def runs_in(place: Path, folder: Path) -> dict[str, Path]:
     found: dict[str, Path] = {}
     if not poses:
         folders = [path for path in there if path.is_dir()]
-        found = {_key(path.name): path for path in folders} if are_called_runs(path.name for path in folders) else {}
+        runs = [path for path in folders if are_called_runs([path.name])]
+        found = {_key(path.name): path for path in runs} if len(runs) > 1 or runs == folders else {}
+        if found and len(found) < len(runs):
+            raise BadInput(
+                f"{place}: two of its folders are of one run ({', '.join(p.name for p in runs)}); rename one"
+            )
     elif all(path in named or PLACES & {*words_of(path.stem)} for path in poses):
         for path in files:
             homes = [_key(named[path])] if path in named else {_key(word) for word in named.values()}

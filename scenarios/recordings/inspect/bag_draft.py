@@ -3,7 +3,7 @@
 import re
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
-from itertools import chain, pairwise
+from itertools import pairwise
 from pathlib import Path
 from types import MappingProxyType
 
@@ -273,7 +273,7 @@ def _topics(by_robot: Mapping[str, str], why: str) -> Entry:
 def _wheels(found: Sequence[TopicInfo], of_fields: Mapping[str, CsvTable]) -> tuple[dict[str, str], dict[str, str]]:
     """Return the topics of odometry by robot: odometry counts first, then speeds, commands, and poses by a camera.
 
-    The second are of robots that have none of these, but such topics as the next kind, or as of a filter.
+    The second are of the same kind, of robots that have it by another name or of a filter.
     """
     fields = [
         topic
@@ -281,13 +281,10 @@ def _wheels(found: Sequence[TopicInfo], of_fields: Mapping[str, CsvTable]) -> tu
         if first_columns(table.guesses, ("speed",)) and not TRUTH & {*words_of(topic)}
         if not first_columns(table.guesses, ("robot", "other"))
     ]
-    kinds: Sequence[Sequence[str]] = (["Odometry"], ["TwistStamped", "TwistWithCovarianceStamped"], [], ["Twist"])
-    each = [[t.name for t in found if t.type.rpartition("/")[2] in forms] if forms else fields for forms in kinds]
-    for k, some in enumerate(each):
-        if some:
+    for forms in (["Odometry"], ["TwistStamped", "TwistWithCovarianceStamped"], [], ["Twist"]):
+        if some := [t.name for t in found if t.type.rpartition("/")[2] in forms] if forms else fields:
             own = topics_by_robot([name for name in some if not ESTIMATES & {*words_of(name)}] or some)
-            standard = chain(*(each[i] for i in range(k, len(kinds)) if kinds[k] and kinds[i]))
-            return own, _of_other_robots(own, [*standard])
+            return own, _of_other_robots(own, some if forms else [])
     return topics_by_robot([t.name for t in found if "x [m]" in t.columns and VISUAL & {*words_of(t.name)}]), {}
 
 
@@ -462,12 +459,12 @@ def _odometry(
     filtered = first_of(topic for topic in wheels.values() if ESTIMATES & {*words_of(topic)})
     also = f"; {filtered} is what a filter says, perhaps of more than wheels" * bool(filtered)
     kind, why, where = "velocity", "its messages have speeds", _topics(wheels, f"its messages are of motion{also}")
-    if every and all(one.type.endswith("/Odometry") for one in every):
+    if every and every[0].type.endswith("/Odometry"):
         where = _topics(wheels, f"its type is Odometry{also}")
         why = "the headings of the poses do not turn as the turn rates beside them"
         if all(map(_turns_as_stated, every)) and any(np.ptp(one.select("x [m]")) > 0.01 for one in every):
             kind, why = "pose", "poses lose nothing with a lost message"
-    elif every and all("x [m]" in one.columns for one in every):
+    elif every and "x [m]" in every[0].columns:
         return [DraftTable("odometry", (Entry("kind", "pose", "its messages are poses", "perhaps"), where))]
     own = first_columns(of_fields[first].guesses, ("speed", "turn_rate")) if first in of_fields else {}
     fields = [column_entry(quantity, guess) for quantity, guess in own.items()]

@@ -145,6 +145,16 @@ def test_only_runs_count_that_every_method_has(tmp_path):
             judge_trajectories(tmp_path / "gt", {"mine": place})
 
 
+def test_other_folders_beside_runs_do_not_matter_and_two_of_one_name_do(tmp_path):
+    write(tmp_path, "{what}/{run}/{robot}.txt")
+    (tmp_path / "gt/figures").mkdir()
+    rows, _ = judge_trajectories(tmp_path / "gt", {"mine": tmp_path / "mine"})
+    assert rows["run"].unique().tolist() == list(RUNS)
+    (tmp_path / "gt/Run_01").mkdir()
+    with pytest.raises(BadInput, match="two of its folders are of one run"):
+        judge_trajectories(tmp_path / "gt", {"mine": tmp_path / "mine"})
+
+
 def test_what_is_odd_about_one_run_names_it(tmp_path):
     write(tmp_path, "{what}/{run}/{robot}.txt")
     t, x = POSES["run2", "red", "mine"]

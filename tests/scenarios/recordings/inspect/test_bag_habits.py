@@ -102,13 +102,8 @@ def odometry_of_one_by_a_filter(folder):
     made_bag(folder, "mcap", SECONDS, names=MOCAP | {"/red/odom": "/red/odometry/filtered", "/blue/odom": "/blue/odom"})
 
 
-def speeds_alone_of_one(folder):
-    made_bag(folder, "mcap", SECONDS, names=MOCAP | {"/red/odom": "/red/odom", "/blue/cmd": "/blue/twist"})
-
-
 HABITS = [
     odometry_of_one_by_a_filter,
-    speeds_alone_of_one,
     dated,
     a_folder_of_each,
     parts_of_each,
