@@ -45,21 +45,20 @@ def _match_each(
 ) -> tuple[dict[str, Matched], list[str]]:
     true, word = place_of_truth(_as_path(TRUTH, truth, folder))
     places = {name: _as_path(name, place, folder) for name, place in estimates.items()}
-    runs, each = runs_in(true, folder), {name: runs_in(place, folder) for name, place in places.items()}
+    runs = runs_in(true, folder)
+    each = {name: runs_in(place, folder) for name, place in places.items()} if runs else {}
     if len(runs) < 2:
-        inside = {run for run, place in runs.items() if place.parent == true and all(run in of for of in each.values())}
-        for run in inside:  # run1/ alone
-            true, places = runs[run], {name: there[run] for name, there in each.items()}
+        for run, place in runs.items():
+            if place.parent == true and all(run in there for there in each.values()):  # run1/ alone
+                true, places = place, {name: there[run] for name, there in each.items()}
         one = match_trajectories(true, word, places, align, axes, largest)
         return {"": one}, list(one.remarks)
     remarks = []
     for name, there in each.items():
         if lost := [run for run in runs if run not in there]:
             if len(lost) == len(runs):
-                place = places[name]
-                has = (
-                    f"{place} has none of the runs {first_of(runs)}, which the truth has; call its folders or files so"
-                )
+                place, of = places[name], first_of(runs)
+                has = f"{place} has none of the runs {of}, which the truth has; call its folders or files so"
                 raise BadInput(has if place.exists() else f"there is no folder {place}; name the one with its runs")
             remarks.append(f"{name} lacks {first_of(lost)}: judged is what all have")
     found, said = dict[str, Matched](), dict[str, list[str]]()
