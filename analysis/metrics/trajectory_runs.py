@@ -61,6 +61,8 @@ def _match_each(
                 has = f"{place} has none of the runs {of}, which the truth has; call its folders or files so"
                 raise BadInput(has if place.exists() else f"there is no folder {place}; name the one with its runs")
             remarks.append(f"{name} lacks {first_of(lost)}: judged is what all have")
+        if more := [run for run in there if run not in runs]:
+            remarks.append(f"{name} has {first_of(more)}, and the truth has not: are both numbered alike?")
     found, said = dict[str, Matched](), dict[str, list[str]]()
     for run in [run for run in runs if all(run in there for there in each.values())]:
         of_run = {name: there[run] for name, there in each.items()}

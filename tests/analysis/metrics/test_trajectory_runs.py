@@ -145,6 +145,15 @@ def test_only_runs_count_that_every_method_has(tmp_path):
             judge_trajectories(tmp_path / "gt", {"mine": place})
 
 
+def test_runs_that_the_truth_lacks_are_said_as_others_may_be_numbered_otherwise(tmp_path):
+    write(tmp_path, "{what}/{run}/{robot}.txt", lambda run, robot, what: run != "run10")
+    for old, new in (("run1", "run0"), ("run2", "run1")):  # numbered from 0
+        (tmp_path / "mine" / old).rename(tmp_path / "mine" / new)
+    write(tmp_path, "{what}/{run}/{robot}.txt", lambda run, robot, what: (run, what) == ("run2", "mine"))
+    _, notes = judge_trajectories(tmp_path / "gt", {"mine": tmp_path / "mine"}, largest_difference=200)
+    assert notes[0] == "mine has run0, and the truth has not: are both numbered alike?"
+
+
 def test_other_folders_beside_runs_do_not_matter_and_two_of_one_name_do(tmp_path):
     write(tmp_path, "{what}/{run}/{robot}.txt")
     (tmp_path / "gt/figures").mkdir()
