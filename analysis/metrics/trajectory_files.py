@@ -32,7 +32,7 @@ import numpy as np
 import pandas as pd
 
 from cooploc.analysis.metrics.trajectory_bags import TRUTH, read_poses
-from cooploc.estimators.errors import BadInput, count_of, nearest
+from cooploc.estimators.errors import BadInput, count_of, first_of, nearest
 from cooploc.estimators.interface import Array, Indices, Mask
 from cooploc.scenarios.recordings.inspect.columns import (
     EPOCHS,
@@ -278,15 +278,20 @@ def _read_csv(path: Path, method: str) -> dict[str, Trajectory]:
     text = read_text(path)
     head = split_fields(text[:100_000])[0]
     patterns, robots = columns_of_robots(head)
-    found, own = {}, next((robot for robot in robots if robot.lower() == method.lower()), "")
-    if own:  # x_mine beside x_theirs
-        robots = (own,)
-    elif any(_is_x_of(name, method) for name in {*head} - {*patterns}):
-        return _read_columns(path, text, method, patterns)  # x_gt beside them
-    for robot in robots:
+    own = next((robot for robot in robots if robot.lower() == method.lower()), "")
+    if not own and any(_is_x_of(name, method) for name in {*head} - {*patterns}):
+        return _read_columns(path, text, method, patterns)  # x_gt beside x_mine and x_theirs
+    found: dict[str, Trajectory] = {}
+    for robot in (own,) if own else robots:
         named = {column: pattern for column, pattern in patterns.items() if pattern.replace("{robot}", robot) == column}
-        found[robot] = _read_columns(path, text, method, {*patterns} - {*named}, named)[""]
-    return {"": found[own]} if own else found or _read_columns(path, text, method)
+        each = _read_columns(path, text, method, {*patterns} - {*named}, named)
+        if own:  # x_mine beside x_theirs
+            return each
+        if len(each) > 1:
+            remedy = f"name the method by its column, as in {robot}={path.name}"
+            raise BadInput(f"{path} has columns of {first_of(robots)}, and none of {method!r}: {remedy}")
+        found[robot] = each[""]
+    return found or _read_columns(path, text, method)
 
 
 def _is_x_of(name: str, method: str) -> bool:

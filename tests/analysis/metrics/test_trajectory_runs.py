@@ -101,6 +101,20 @@ def test_a_column_of_a_table_says_it_too(column):
     np.testing.assert_allclose(rows.sort_values(["trial", "name"])["rmse"], expected()["mine"], atol=1e-5)
 
 
+def test_runs_robots_and_methods_may_all_be_in_one_table():
+    """A line for each run, robot and stamp, with columns of the truth and of each method."""
+    found = table_of("gt", "trial").rename(columns={"x": "x_true", "y": "y_true", "yaw": "yaw_true"})
+    for name in SPREADS:
+        found[[f"x_{name}", f"y_{name}"]] = table_of(name, "trial")[["x", "y"]]
+    rows, _ = judge_trajectories(found, dict.fromkeys(SPREADS, found))
+    for name, part in rows.groupby("estimator"):
+        np.testing.assert_allclose(part.sort_values(["trial", "name"])["rmse"], expected()[name], atol=1e-5)
+    with pytest.raises(
+        BadInput, match="has columns of mine, theirs, and none of 'ours': name the method by its column"
+    ):
+        judge_trajectories(found, {"ours": found})
+
+
 def test_a_column_of_one_trial_or_of_a_number_of_each_line_makes_no_runs():
     one, count = (table_of(what, "trial").query("trial == 1") for what in ("gt", "mine"))
     for change in (lambda of: of, lambda of: of.assign(trial=np.arange(len(of)) // 4)):
