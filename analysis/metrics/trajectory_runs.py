@@ -16,7 +16,7 @@ from cooploc.analysis.metrics.trajectory_bags import TRUTH
 from cooploc.analysis.metrics.trajectory_files import COVARIANCE, ENDINGS, PLACES, STORED
 from cooploc.estimators.errors import BadInput, first_of, shorten
 from cooploc.scenarios.recordings.inspect.naming import words_of
-from cooploc.scenarios.recordings.inspect.runs import LEAST_LINES, is_run_column
+from cooploc.scenarios.recordings.inspect.runs import are_runs, is_run_column
 from cooploc.scenarios.recordings.text_files import RUN_WORDS, are_called_runs, is_text, read_text, split_fields
 
 Place = str | Path | pd.DataFrame
@@ -138,7 +138,7 @@ def _runs_of_table(path: Path, folder: Path) -> dict[str, Path]:
     for _, fields in rows:
         if len(fields) == len(head) and fields[column].strip():
             lines.setdefault(_key(f"{words_of(head[column])[0]} {fields[column]}"), []).append(fields)
-    if len(lines) < 2 or min(map(len, lines.values())) < LEAST_LINES:
+    if not are_runs(run for run, own in lines.items() for _ in own):
         return {}
     home, kept = Path(mkdtemp(dir=folder)), [k for k in range(len(head)) if k != column]
     for run, own in lines.items():

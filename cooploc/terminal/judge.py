@@ -24,7 +24,7 @@ from cooploc.terminal.console import make_console
 ONCE = ("estimator", "name", "ticks", "rmse", "rpe", "heading", "anees", "coverage95")
 DRIFT = "drift: RPE [m] between neighbouring poses, heading [rad]; root mean squares"
 EACH = "each robot, over its whole path; RMSE and RPE as evo has them"
-EACH_OF_RUNS = "each robot, over all poses of all runs; robots.csv has each run"
+EACH_OF_RUNS = "each robot, over all poses of all runs; with --out, robots.csv has each run"
 
 
 def show_trajectories(

@@ -53,7 +53,7 @@ def find_runs(data: Path, description: TeamDescription) -> dict[str, Path]:
         words = {
             run_in(description, names) for path in places for names in read_lines(path, (), [description.run]).names
         }
-        found = dict.fromkeys(sorted(words), data)
+        found = dict.fromkeys(sorted(words - {""}), data)
     elif "{run}" in file:
         found = dict.fromkeys(_runs_of_files(data, file, {*description.robots, *description.moves.nodes}), data)
     elif any(data.glob(pattern)):

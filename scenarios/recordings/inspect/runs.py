@@ -1,7 +1,7 @@
 """Which files of a directory are of which run: by a word in their names, by a column, or each file of one robot."""
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from itertools import pairwise
 from pathlib import Path
@@ -16,7 +16,7 @@ from cooploc.scenarios.recordings.text_files import COUNTS, RUN_COLUMNS, are_cal
 
 MOST_SPANS, ENDS = 4, 100  # runs whose first and last lines are looked at, and how many
 PAUSE = 10  # usual steps between runs that follow each other
-LEAST_LINES = 20  # of each run, where a column tells them
+LEAST_LINES, MOST = 20, 0.9  # of a run, where a column tells them, and share of lines in such runs
 
 
 def text_files(folder: Path) -> list[Path]:
@@ -49,13 +49,12 @@ def first_of_column(files: Sequence[CsvTable]) -> tuple[list[CsvTable], str]:
     stamped = [file for file in files if _span_of(file)]
     for file in stamped:
         for column in file.columns:
-            count = Counter(file.words(column)) if is_run_column(column) else {}
-            if len(count) < 2 or min(count.values()) < LEAST_LINES or _goes_on(file, column):
+            if not (is_run_column(column) and are_runs(file.words(column))) or _goes_on(file, column):
                 continue
             if lacking := [other.name for other in stamped if column not in other.columns]:
                 fact = f"{file.name} has runs in the column {column!r}, and {lacking[0]} has none"
                 raise BadInput(f"{fact}; add it, or write a directory for each run")
-            first = next(iter(count))
+            first = file.names(column)[0]
             return [_select(one, column, first) if one in stamped else one for one in files], column
     return list(files), ""
 
@@ -76,6 +75,13 @@ def is_run_column(column: str) -> bool:
     """Return whether a column's name says that it tells runs, as `trial` and `run_id` do."""
     words = {*naming.words_of(column)} - COUNTS
     return bool(words) and words <= RUN_COLUMNS
+
+
+def are_runs(words: Iterable[str]) -> bool:
+    """Return whether words of lines are of several runs; most are of runs with enough lines, as one may end early."""
+    count = Counter(filter(None, words))
+    enough = [n for n in count.values() if n >= LEAST_LINES]
+    return len(enough) > 1 and sum(enough) > MOST * count.total()
 
 
 def _select(file: CsvTable, column: str, word: str) -> CsvTable:

@@ -520,6 +520,17 @@ def test_a_column_tells_the_runs_of_a_file(tmp_path, words, order):
             np.testing.assert_allclose(odometry.values[:, 0], files[f"odom_{robot}.csv"]["v"], atol=1e-9)
 
 
+def test_a_last_run_that_ended_at_once_does_not_hide_the_others(tmp_path):
+    each = [two_robots(seed=k + 1, seconds=30) for k in range(2)]
+    for name in each[0]:
+        table = in_one_table([of[name] for of in each], (1, 2))
+        ended = pd.DataFrame(each[0][name])[:3].assign(trial=3)
+        pd.concat([table, ended, ended[:1].assign(trial="")]).to_csv(tmp_path / name, index=False)
+    found = cl.inspect(tmp_path).inspected
+    assert (found.runs, found.trial.problem) == (("trial1", "trial2", "trial3"), "")
+    assert len(found.log.readings["range"].time) == len(each[0]["uwb.csv"]["time"])
+
+
 @pytest.mark.parametrize(
     "flag", [lambda t: t > 10, lambda t: t // 5 % 2, lambda t: 0 * t + 4], ids=["began to run", "now and then", "one"]
 )
